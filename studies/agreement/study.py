@@ -17,8 +17,12 @@ from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
+from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
 from studies.cases import assumptions_of
+from studies.engine.study import Result
+from studies.engine.tables import Table
+from studies.report.plots import picture
 from studies.scenes import BaseScene, moving_scenes
 
 #: Elements of each beam by the element, of the cantilever and of the four-bar: shear elements converge slowly.
@@ -79,16 +83,10 @@ def _runs(
     features = {feature for feature, _ in needs(base.scene)}
     implicit = "generalized-alpha" in offer.integrators
     integrator = asked.get("integrator") or ("generalized-alpha" if implicit else "zhai")
-    if integrator == "zhai" and quick:
-        return
-    for element in [asked["element"]] if asked.get("element") else MESHES:
-        used = offer.element_of(element)
-        apart = used not in flexible()  # an element of its own: once, on the mesh of shear elements
-        once = element == "shear" if apart else element == used
-        few = quick and not asked.get("element") and not apart and element != "cable"
-        if few or not once or offer.lacking({*features, element, integrator}):
+    step = asked.get("dt") or (EXPLICIT_STEP if integrator == "zhai" else STEP[quick])
+    for element in _elements(offer, asked.get("element"), quick) if integrator != "zhai" or not quick else ():
+        if offer.lacking({*features, element, integrator}):
             continue
-        step = asked.get("dt") or (STEP[quick] if integrator != "zhai" else EXPLICIT_STEP)
         run = Discretisation(
             mesh=asked.get("mesh") or _mesh(base, element, quick), element=element, integrator=integrator, dt=step,
             t_end=base.duration, output_dt=base.interval,
@@ -98,10 +96,20 @@ def _runs(
         except UnsupportedError:
             continue
         except AnctmmError as error:
-            yield used, str(error)
+            yield offer.element_of(element), str(error)
             continue
         if found.status.code != "unsupported":
-            yield used, found if found.status.ok else str(found.status)
+            yield offer.element_of(element), found if found.status.ok else str(found.status)
+
+
+def _elements(offer: Offer, asked: str | None, quick: bool) -> Iterator[str]:
+    """Elements to be asked for: each that a solver has; of one with its own that of shear elements, for their mesh."""
+    for element in [asked] if asked else MESHES:
+        used = offer.element_of(element)
+        own = used not in flexible()
+        few = quick and not asked and not own and element != "cable"
+        if not few and element == ("shear" if own else used):
+            yield element
 
 
 def _mesh(base: BaseScene, element: str, quick: bool) -> Any:
@@ -167,12 +175,8 @@ def draw(figure: Figure, square: pd.DataFrame) -> None:
     axes.tick_params(length=0)
 
 
-def run(options: Any, runner: Any) -> Any:
+def run(options: Any, runner: Any) -> Result:
     """The study as `anctmm study agreement` runs it."""
-    from studies.engine.study import Result
-    from studies.engine.tables import Table
-    from studies.report.plots import picture
-
     solvers = list(options.solvers or registry.names())
     asked = {"element": options.element, "integrator": options.integrator}
     asked |= {"dt": options.steps[0]} if options.steps else {}

@@ -371,11 +371,7 @@ def test_every_feature_is_demanded_by_some_scene():
 def test_solvers_refuse_what_they_lack(name):
     subject = Subject(name, registry.load(name))
     refused = refuses_what_it_lacks(subject)
-    assert [
-        lack
-        for lack in subject.offer.lacks
-        if lack in {*DEMANDS, *RUNS} and lack not in refused
-    ] == []
+    assert [lack for lack in subject.offer.lacks if lack in {*DEMANDS, *RUNS} and lack not in refused] == []
     assert [lack for lack in subject.offer.lacks if " + " in lack and lack not in refused] == []
 
 
