@@ -1,7 +1,7 @@
 """Work of the loads at equilibria, where it follows from these alone."""
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,30 +37,23 @@ def with_load_work(found: Solution) -> Solution:
         work[1:] = np.nan
     else:
         for load in filter(varies, scene.loads):
-            work += _work(found, load)
+            work += _work(found, load, tabulated([load], np.zeros(1))[0, 0])
     return replace(found, energy=replace(found.energy, work=work))
 
 
-def _work(found: Solution, load: Load) -> Array:
+def _work(found: Any, load: Load, value: Array) -> Array:
     """Work of a load that varies, J, (outputs,)."""
-    value = tabulated([load], np.zeros(1))[0, 0]
     match load:
         case Torque():
             return np.asarray(value[0] * found.angle(load.end))
         case Force():
             return np.asarray(found.displacement(load.end) @ value)
         case LineLoad():
-            return np.asarray(found.scene.beam(load.body).length * (_mean(found, load.body) @ value))
+            elements = found.run.of(found.scene)[load.body][0]
+            points, weights = np.polynomial.legendre.leggauss(POINTS)
+            fractions = (np.arange(elements)[:, None] + 0.5 * (points + 1.0)) / elements
+            path = cast(Array, found.position(load.body, fractions.ravel()))
+            length = found.scene.beam(load.body).length / (2.0 * elements)
+            return np.asarray(length * np.tile(weights, elements) @ ((path - path[:1]) @ value).T)
         case _:
             raise unknown_kind("load", load, LOADS)
-
-
-def _mean(found: Solution, name: str) -> Array:
-    """Mean displacement of a beam, (outputs, 2), m."""
-    assert found.run is not None  # statics have one
-    elements = found.run.of(found.scene)[name][0]
-    points, weights = np.polynomial.legendre.leggauss(POINTS)
-    fractions = (np.arange(elements)[:, None] + 0.5 * (points + 1.0)) / elements
-    path = cast(Array, found.position(name, fractions.ravel()))
-    mean = np.tensordot(path, np.tile(weights, elements) / (2.0 * elements), axes=(1, 0))
-    return np.asarray(mean - mean[:1])

@@ -109,18 +109,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     for name, value in (("solution", solution), ("reference", reference)):
         if not isinstance(value, Solution):
             raise SolverError(f"{name} is {shown(value)}; a Solution is needed")
-    if solution.static != reference.static and solution.t.size and reference.t.size:
-        kinds = [
-            "equilibria at load factors" if s.static else "a motion in time" for s in (solution, reference)
-        ]
-        raise SolverError(f"solution holds {kinds[0]} and reference {kinds[1]}; two of one kind are needed")
-    mine, theirs = common_times(solution.t, reference.t)
-    whole = solution.status.ok and reference.status.ok
-    if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):
-        raise SolverError(
-            f"{solution.solver!r} and {reference.solver!r} have {mine.size} common output times; "
-            f"at least 2 are needed: use one output_dt"
-        )
+    mine, theirs = _common(solution, reference)
     by_probe: dict[Probe, float] = {}
     moving = bool((mine > 0).any() and (theirs > 0).any())
     largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
@@ -128,15 +117,14 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         place = solution.scene.probe(probe)
         _check_place(solution, reference, probe)
         key: Any = probe if isinstance(probe, str) else place
-        if not moving:
-            by_probe[key] = float("nan")
-            continue
-        u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
-        rounding = rounding_at(reference, probe)
-        by_probe[key] = history_error(u, v, rounding)
-        largest = worst([largest, float(np.linalg.norm(u - v, axis=-1).max())])
-        scale = worst([scale, float(np.linalg.norm(v, axis=-1).max())])
-        blur = max(blur, rounding)
+        by_probe[key] = float("nan")
+        if moving:
+            u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
+            rounding = rounding_at(reference, probe)
+            by_probe[key] = history_error(u, v, rounding)
+            largest = worst([largest, float(np.linalg.norm(u - v, axis=-1).max())])
+            scale = worst([scale, float(np.linalg.norm(v, axis=-1).max())])
+            blur = max(blur, rounding)
     return Comparison(
         error=worst(by_probe.values()),
         largest=largest / scale if scale > blur else float("nan"),
@@ -145,6 +133,23 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         statuses=(solution.status, reference.status),
         common=int(mine.size),
     )
+
+
+def _common(solution: Solution, reference: Solution) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Places of the common times, of solutions of one kind; at least two of whole ones."""
+    if solution.static != reference.static and solution.t.size and reference.t.size:
+        one, other = (
+            "equilibria at load factors" if s.static else "a motion in time" for s in (solution, reference)
+        )
+        raise SolverError(f"solution holds {one} and reference {other}; two of one kind are needed")
+    mine, theirs = common_times(solution.t, reference.t)
+    whole = solution.status.ok and reference.status.ok
+    if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):
+        raise SolverError(
+            f"{solution.solver!r} and {reference.solver!r} have {mine.size} common output times; "
+            f"at least 2 are needed: use one output_dt"
+        )
+    return mine, theirs
 
 
 def error_between(solution: Solution, finer: Solution) -> float:
@@ -157,14 +162,14 @@ def error_between(solution: Solution, finer: Solution) -> float:
     if mine.size < 2:
         return float("nan")
     errors, largest = [0.0], 0.0
-    for probe in _places(solution.scene):
+    for probe in places_of(solution.scene):
         u, v = solution.displacement(probe)[mine], finer.displacement(probe)[theirs]
         errors.append(float(np.sqrt(np.mean(np.square(u - v).sum(axis=-1)))))
         largest = worst([largest, float(np.linalg.norm(v, axis=-1).max())])
     return worst(errors) / largest if largest > 0.0 else worst(errors)
 
 
-def _places(scene: Scene) -> list[Probe]:
+def places_of(scene: Scene) -> list[Probe]:
     """Ends of all beams, and all points of other bodies."""
     found = list[Probe]()
     for body in scene.bodies:
@@ -199,10 +204,8 @@ def _given(probes: object) -> list[Probe]:
         found = list(islice(probes, MOST_PROBES + 1))
     except Exception as error:  # an iterable of the user's own
         raise SolverError(f"probes is {shown(probes)}, which raises {reason(error)}; {needed}") from error
-    if not found:
-        raise SolverError(f"probes is empty; {needed}: at least one probe is needed")
-    if len(found) > MOST_PROBES:
-        raise SolverError(f"probes is {shown(probes)}, more than {MOST_PROBES}; {needed}, no longer one")
+    if not 0 < len(found) <= MOST_PROBES:
+        raise SolverError(f"probes is {shown(probes)}; {needed}, and at most {MOST_PROBES}")
     return found
 
 
@@ -211,10 +214,9 @@ def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]
     if a.size == 0 or b.size == 0:
         return np.empty(0, np.intp), np.empty(0, np.intp)
     tolerance = 1e-9 * max(float(a[-1]), float(b[-1]))
-    nearest = (
-        np.abs(a[:, None] - b[None, :]).argmin(axis=1)
-        if a.size * b.size < 4_000_000
-        else np.clip(np.searchsorted(b, a - tolerance), 0, b.size - 1)
-    )
+    if a.size * b.size < 4_000_000:
+        nearest = np.abs(a[:, None] - b[None, :]).argmin(axis=1)
+    else:
+        nearest = np.clip(np.searchsorted(b, a - tolerance), 0, b.size - 1)
     match = np.abs(b[nearest] - a) <= tolerance
     return np.flatnonzero(match), nearest[match]

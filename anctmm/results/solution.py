@@ -1,12 +1,11 @@
 """The result of every solver: times, fields over the bodies, energies, cost and status."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,25 +15,15 @@ from anctmm.errors import ResultError, UnknownNameError, listed, shown
 from anctmm.model.accepted import ConnectorKind, JointKind
 from anctmm.model.bodies import beam_of
 from anctmm.model.connectors import Connector
-from anctmm.model.joints import Joint
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Beam, PointMass, Probe, RigidBody, Scene
-from anctmm.results.export import saving
-from anctmm.results.export.pictures import animate, plot
-from anctmm.results.export.saving import save
-from anctmm.results.export.tables import to_dataset, to_frame
-from anctmm.results.export.vtk import to_vtk
-from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingField, RigidField
+from anctmm.results.export import pictures, saving, tables, vtk
+from anctmm.results.fields import Field
 from anctmm.results.internal_forces.actions import tension_of
-from anctmm.results.internal_forces.reactions import Reactions
+from anctmm.results.internal_forces.reactions import reactions_of
 from anctmm.results.internal_forces.section_forces import section_force
 from anctmm.results.status import Status
 from anctmm.results.whole_turns import WholeTurns
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 #: One place of a beam's axis or several, as fractions of its length; the name of a rigid body's point.
@@ -172,8 +161,9 @@ class Solution:
         return WholeTurns(self.scene, self.fields, self.t, self.static)
 
     @cached_property
-    def _reactions(self) -> Reactions:
-        return Reactions(self)
+    def _reactions(self) -> list[Array]:
+        """Reactions of all joints, in the scene's order."""
+        return reactions_of(self)
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
@@ -191,7 +181,7 @@ class Solution:
         UnknownNameError, PropertyError
             If there is no such place.
         """
-        return self._each(place, fraction, lambda name, at: self.fields[name].position(at), 2)
+        return self._read(place, fraction, lambda name, at: self.fields[name].position(at), 2)
 
     def velocity(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Velocities of a material point, (n, 2), m/s; of k fractions (n, k, 2). Parameters as of `position`.
@@ -201,7 +191,7 @@ class Solution:
         ResultError
             If the solver stores no velocities, or the solution is static.
         """
-        return self._each(place, fraction, lambda name, at: self._moving(name).velocity(at), 2)
+        return self._read(place, fraction, lambda name, at: cast(Any, self.fields[name]).velocity(at), 2)
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Angles by which sections have rotated since the first output, counter-clockwise.
@@ -231,16 +221,14 @@ class Solution:
         ResultError
             If the solver stores no angles, or the place is that of a point mass, which has none.
         """
-        turning = self._turning(place, fraction)
-        known = self.whole_turns
-        return self._each(turning, fraction, lambda name, at: _since_first(known.angle(name, at)), turns=True)
+        angles = self._read(self._turning(place, fraction), fraction, self._angle)
+        return np.asarray(angles - angles[:1])
 
     def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
         `velocity`.
         """
-        turning = self._turning(place, fraction)
-        return self._each(turning, fraction, lambda name, at: self._moving(name).spin(at), turns=True)
+        return self._read(self._turning(place, fraction), fraction, self._spin)
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Section forces N, Q, M: those of the part of a beam beyond a section on the part before it.
@@ -265,20 +253,33 @@ class Solution:
         UnknownKindError
             If the body is no beam.
         """
-        if _several(fraction):
-            parts = [self.section_force(place, x) for x in fraction]
-            return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, 3))
-        name, at = self.scene.probe(place if fraction is None else self._given(place, fraction))
-        beam_of(self.scene.body(name))
-        return section_force(self, name, float(at))
+        return self._read(place, fraction, self._section_force, 3)
 
     def reaction(self, joint: JointKind) -> Array:
         """Force and moment of a joint on its first place, in fixed axes, (n, 3), N, N, N m.
 
-        For a driven clamp the moment is the torque of its drive. Joints that hang together are solved at once: those
-        that follow cost nothing. See `anctmm.results.internal_forces.reactions.Reactions.of`.
+        For a driven clamp the moment is the torque of its drive. Of a joint of several places that is grounded it is
+        what the ground and the other places exert together; a pin of its own at one of these has the support's.
+        Joints that repeat each other have the least reactions that balance.
+
+        Raises
+        ------
+        UnknownNameError
+            If the joint is not of the scene.
+        ResultError
+            If the solution does not have what reactions are found from: see
+            `anctmm.results.internal_forces.reactions`.
         """
-        return self._reactions.of(self, cast(Joint, joint))
+        joints = self.scene.joints
+        same = [k for k, one in enumerate(joints) if one is joint] or [
+            k for k, one in enumerate(joints) if one == joint
+        ]
+        if not same:
+            raise UnknownNameError(
+                f"joint {shown(joint)} is not in scene {self.scene.name!r}; one of `scene.joints` is needed, which has "
+                f"{len(joints)}"
+            )
+        return self._reactions[same[0]].copy()
 
     def tension(self, connector: ConnectorKind) -> Array:
         """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,).
@@ -300,83 +301,59 @@ class Solution:
         path = self.position(probe)
         return path - path[:1]
 
-    def save(self, path: str | PathLike[str]) -> Path:
-        """Write the solution to a file, which `anctmm.load` reads: see `anctmm.results.export.saving.save`."""
-        return save(self, path)
-
-    def to_frame(self, probes: Iterable[Probe]) -> "pd.DataFrame":
-        """Motion of places as a table: see `anctmm.results.export.tables.to_frame`."""
-        return to_frame(self, probes)
-
-    def to_dataset(self, points: int = 21) -> "xr.Dataset":
-        """Motion of all bodies as a data set of xarray: see `anctmm.results.export.tables.to_dataset`."""
-        return to_dataset(self, points)
-
-    def to_vtk(self, folder: str | PathLike[str], points: int = 21) -> Path:
-        """Files that ParaView opens: see `anctmm.results.export.vtk.to_vtk`."""
-        return to_vtk(self, folder, points)
-
-    def plot(self, times: Sequence[float] | None = None) -> "Figure":
-        """Configurations and energies as a picture: see `anctmm.results.export.pictures.plot`."""
-        return plot(self, times)
-
-    def animate(self, path: str | PathLike[str], fps: float = 25.0) -> Path:
-        """An animation, ".html" or ".gif": see `anctmm.results.export.pictures.animate`."""
-        return animate(self, path, fps)
-
-    def _each(
-        self,
-        place: Probe,
-        fraction: Fractions | None,
-        read: Callable[[str, Any], Array],
-        *width: int,
-        turns: bool = False,
-    ) -> Array:
-        """What is read of a body at a place, or at each of several fractions; turns: of places that have an angle."""
-        if _several(fraction):
-            parts = [self._read(self._given(place, x), read, *width, turns=turns) for x in fraction]
-            return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
-        at = place if fraction is None else self._given(place, fraction)
-        return self._read(at, read, *width, turns=turns)
+    save = saving.save
+    to_frame = tables.to_frame
+    to_dataset = tables.to_dataset
+    to_vtk = vtk.to_vtk
+    plot = pictures.plot
+    animate = pictures.animate
 
     def _read(
-        self, place: Probe, read: Callable[[str, Any], Array], *width: int, turns: bool = False
+        self, place: Probe, fraction: Fractions | None, read: Callable[[str, Any], Array], *width: int
     ) -> Array:
-        name, at = self.scene.probe(place)
-        if turns and isinstance(self.scene.body(name), PointMass):
-            raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
+        """What is read of a body at a place, (n, *width), or at each of k fractions, (n, k, *width)."""
+        if isinstance(fraction, list | tuple) or (type(fraction) is np.ndarray and fraction.ndim == 1):
+            parts = [self._read(place, x, read, *width) for x in fraction]
+            return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
+        name, at = self.scene.probe(place if fraction is None else self._given(place, fraction))
         return read(name, at) if self.fields else np.empty((0, *width))
-
-    def _moving(self, name: str) -> MovingField:
-        return cast(MovingField, self.fields[name])
 
     def _given(self, place: Probe, fraction: Any) -> Probe:
         """A place as the scene knows it: also of a rigid body and its point, given apart."""
-        if (
-            isinstance(fraction, str)
-            and isinstance(place, str)
-            and not isinstance(self.scene.body(place), Beam)
-        ):
+        named = isinstance(fraction, str) and isinstance(place, str)
+        if named and not isinstance(self.scene.body(place), Beam):  # type: ignore[arg-type]
             return f"{place}.{fraction}"
         return place, fraction  # type: ignore[return-value]
 
+    def _angle(self, name: str, at: Any) -> Array:
+        return self.whole_turns.angle(self._with_angle(name), at)
+
+    def _spin(self, name: str, at: Any) -> Array:
+        return cast(Array, cast(Any, self.fields[self._with_angle(name)]).spin(at))
+
+    def _with_angle(self, name: str) -> str:
+        if isinstance(self.scene.body(name), PointMass):
+            raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
+        return name
+
+    def _section_force(self, name: str, at: Any) -> Array:
+        beam_of(self.scene.body(name))
+        return section_force(self, name, float(at))
+
     def _turning(self, place: Probe, fraction: Fractions | None) -> Probe:
-        """A place for `angle`: a rigid body may be given by its name alone."""
-        if fraction is not None or not any(
-            isinstance(body, RigidBody) and body.name == place for body in self.scene.bodies
-        ):
-            return place
-        with suppress(UnknownNameError):  # a point of another body has that name, too
-            self.scene.place(place)
-            return place
-        return f"{place}.{CENTER}"
+        """A place that turns: a rigid body may be given by its name alone."""
+        bodies = self.scene.bodies
+        if fraction is None and any(isinstance(b, RigidBody) and b.name == place for b in bodies):
+            with suppress(UnknownNameError):  # a point of another body has that name, too
+                self.scene.place(place)
+                return place
+            return f"{place}.{CENTER}"
+        return place
 
     def until(self, outputs: int, status: Status) -> "Solution":
         """The first outputs, with the status that says why the others are left out."""
         fields = {
-            name: field.until(outputs)
-            if isinstance(field, HermiteField | LagrangeField | RigidField)
-            else field
+            name: field.until(outputs) if hasattr(field, "until") else field
             for name, field in self.fields.items()
         }
         energy = Energy(*(series[:outputs] for series in vars(self.energy).values()))
@@ -386,15 +363,6 @@ class Solution:
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""
         return replace(self, cost=cost)
-
-
-def _since_first(angles: Array) -> Array:
-    return np.asarray(angles - angles[:1])
-
-
-def _several(fraction: Fractions | None) -> TypeGuard[Sequence[float]]:
-    """Whether several fractions are given; whether each is one is seen when it is looked up."""
-    return isinstance(fraction, list | tuple) or (type(fraction) is np.ndarray and fraction.ndim == 1)
 
 
 def load(path: str | PathLike[str], scene: Scene | None = None) -> Solution:

@@ -75,28 +75,17 @@ def test_files_that_are_not_ours_or_damaged_are_refused(moved, tmp_path):
     np.savez(other, about=np.array(json.dumps({"format": "anctmm solution 9", "functions": []})))
     with pytest.raises(ResultError, match="'anctmm solution 9'; 'anctmm solution 1' is needed"):
         at.load(other)
-    tree = json.dumps({"list": 1})
-    np.savez(
-        other, about=np.array(json.dumps({"format": "anctmm solution 1", "functions": []})), description=tree
-    )
-    with pytest.raises(ResultError, match="no saved solution"):
-        at.load(other)
-    np.savez(
-        other, about=np.array(json.dumps({"format": "anctmm solution 1", "functions": []})), description="[]"
-    )
-    with pytest.raises(ResultError, match="holds a list"):
-        at.load(other)
+    about = np.array(json.dumps({"format": "anctmm solution 1", "functions": []}))
+    for tree, words in ((json.dumps({"list": 1}), "no saved solution"), ("[]", "holds a list")):
+        np.savez(other, about=about, description=tree)
+        with pytest.raises(ResultError, match=words):
+            at.load(other)
     whole = moved.save(tmp_path / "whole").read_bytes()
     cut = tmp_path / "cut.npz"
     for length in (len(whole) // 2, len(whole) - 30):
         cut.write_bytes(whole[:length])
         with pytest.raises(ResultError, match="no saved solution"):
             at.load(cut)
-    flipped = bytearray(whole)
-    flipped[len(whole) // 2] ^= 255
-    cut.write_bytes(bytes(flipped))
-    with pytest.raises(ResultError, match="no saved solution"):
-        at.load(cut)
 
 
 def test_a_folder_that_cannot_be_written_is_named(moved, tmp_path):

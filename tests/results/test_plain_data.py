@@ -1,7 +1,6 @@
-"""Kept results are data: what is written comes back the same, and reading runs no code."""
+"""Results are data: what is written comes back the same, and reading runs no code."""
 
 from dataclasses import dataclass, fields
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -13,43 +12,22 @@ from samples import bar
 
 import anctmm as at
 from anctmm.discretise.discretisation import NOT_GIVEN
-from anctmm.results.export.plain_data import NotPlain, decode, encode
+from anctmm.results.export.plain_data import NotPlain, describe, rebuild
 
-
-class Pair(NamedTuple):
-    first: object
-    second: object
-
-
-@dataclass(frozen=True)
-class Thing:
-    inside: object
-    table: np.ndarray
-
-    def __post_init__(self):
-        Thing.made += 1
-
-
-Thing.made = 0
-
+NUMBERS = scalar_dtypes().filter(lambda dtype: dtype.kind in "biufc")
 PLAIN = st.recursive(
     st.none()
     | st.booleans()
     | st.integers()
     | st.floats()
     | st.text()
-    | st.binary()
-    | st.complex_numbers()
-    | arrays(scalar_dtypes(), array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=3)),
+    | arrays(NUMBERS, array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=3)),
     lambda inside: (
         st.lists(inside, max_size=4)
         | st.tuples(inside, inside)
-        | st.builds(Pair, inside, inside)
         | st.dictionaries(
             st.text() | st.integers() | st.tuples(st.text(), st.floats(allow_nan=False)), inside
         )
-        | st.sets(st.integers())
-        | st.frozensets(st.text())
     ),
     max_leaves=12,
 )
@@ -65,22 +43,19 @@ def same(a, b):
         return len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, dict):
         return same(list(a.items()), list(b.items()))
-    if isinstance(a, float | complex):
-        return repr(a) == repr(b)
-    return a == b
+    return repr(a) == repr(b)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 @such(PLAIN)
 def test_data_comes_back_the_same(value):
-    assert same(decode(encode(value)), value)
+    assert same(rebuild(*describe(value)), value)
 
 
 def test_a_solution_comes_back_the_same_with_the_scene_of_the_caller():
     scene = bar(velocity=lambda s: (0.0, s))
     found = at.solve(scene, mesh=2, dt=1e-3, t_end=5e-3)
-    content = encode(found, [scene])
-    back = decode(content, [scene])
+    back = rebuild(*describe(found, [scene]), [scene])
     assert back.scene is scene
     assert back.run == found.run
     for field in fields(at.Energy):
@@ -88,30 +63,31 @@ def test_a_solution_comes_back_the_same_with_the_scene_of_the_caller():
     assert (back.cost, back.status, back.dofs) == (found.cost, found.status, found.dofs)
     np.testing.assert_array_equal(back.position("bar", 0.3), found.position("bar", 0.3))
     with pytest.raises(NotPlain, match="function"):
-        encode(found)
+        describe(found)
 
 
 def test_a_discretisation_still_knows_what_was_not_given():
     run = at.Discretisation(mesh={"bar": 2}, tolerance=1e-3, t_end=1.0)
-    back = decode(encode(run))
+    back = rebuild(*describe(run))
     assert back == run
     assert type(back.dt) is type(NOT_GIVEN)
     assert hash(back.mesh) == hash(run.mesh)
 
 
-@pytest.mark.parametrize("value", [lambda: 0, print, object(), np, type, np.array([object()]), iter([])])
+@pytest.mark.parametrize(
+    "value", [lambda: 0, print, object(), np, type, np.array([object()]), iter([]), b"x"]
+)
 def test_what_is_no_data_is_refused(value):
     with pytest.raises(NotPlain):
-        encode({"key": [value]})
+        describe({"key": [value]})
 
 
-def test_a_field_that_a_class_has_got_since_has_its_default():
-    q = np.zeros((2, 3, 2, 2))
-    written = encode(at.results.fields.HermiteField(q, 1.0))
-    older = written.replace(b', \\"turned\\", \\"start_angle\\"', b"").replace(b", null, null]]}", b"]]}")
-    assert len(older) < len(written) - 30
-    before = len(written) - len(older)
-    head = int.from_bytes(written[:8], "little") - before
-    found = decode(head.to_bytes(8, "little") + older[8:])
-    assert found.turned is found.start_angle is None
-    np.testing.assert_array_equal(found.coordinates, q)
+@dataclass(frozen=True)
+class Thing:
+    one: int
+
+
+def test_a_class_with_other_fields_is_refused():
+    text, arrays_of = describe(Thing(1))
+    with pytest.raises(NotPlain, match="has other fields now"):
+        rebuild(text.replace("one", "two"), arrays_of)

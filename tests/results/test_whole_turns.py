@@ -126,9 +126,3 @@ def test_turns_of_what_is_free_to_turn_are_counted_in_the_steps(make, steps):
         np.testing.assert_allclose(angles(rare)[name], angle[::60], atol=1e-9)
     for spring in scene.connectors:
         np.testing.assert_allclose(rare.tension(spring), often.tension(spring)[::60], atol=1e-9)
-
-
-def arm():
-    """A soft arm alone."""
-    beam = at.Beam("arm", (0, 0), (-0.5, 0), ROD, RUBBER)
-    return at.Scene("arm", [beam], [at.Pin("arm.start")], gravity=(0, -9.81))

@@ -1,8 +1,8 @@
 """Loads and drives that change within a fixed step, detected by their own breaks.
 
 A fixed step evaluates a history at its two ends. Changes between them are unknown unless the history states its breaks:
-then the impulse of a step with breaks inside is integrated from break to break and compared with that of the two end
-values. Histories without stated breaks are not examined, because that would take thousands of calls.
+then the integral over a step with breaks inside, from break to break, is compared with that of the two end values.
+Histories without stated breaks are not examined, because that would take thousands of calls.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import breaks_of, tabulate
 from anctmm.model.loads import load_text, width_of
-from anctmm.results.checks.drives import Drive, drives_of
+from anctmm.results.checks.drives import drives_of
 from anctmm.results.checks.finding import Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
+#: Times → numbers, (times, width).
+Values = Callable[[Array], Array]
 
-#: Part of the whole impulse of a load, or of the largest way of a drive, that a step may miss.
+#: Part of the whole impulse of a load, or of the largest way of a drive over a step, that a step may miss.
 MISSED = 0.1
 #: Part of a step within which a break and its end are one.
 CLOSE = 1e-6
@@ -35,102 +37,75 @@ def break_findings(solution: Solution) -> Iterator[Finding]:
         return
     for load in scene.loads:
         if callable(load.value):
-            width = width_of(load)
-            name = load_text(load)
-            yield from _of_load(name, load.value, width, solution, run)
+            yield from _of_load(load_text(load), load.value, width_of(load), solution, run)
     for drive in drives_of(scene):
-        yield from _of_drive(drive, solution, run)
+        yield from _of_drive(*drive, solution, run)
 
 
-def broken_steps(breaks: tuple[float, ...] | None, run: Discretisation) -> dict[int, list[float]]:
-    """Breaks strictly inside a step, by the number of the step's start."""
+def _broken_steps(name: str, history: Any, run: Discretisation) -> Iterator[list[float]]:
+    """Start of each step that has breaks strictly inside, these, and its end, s."""
     found: dict[int, list[float]] = {}
-    for t in breaks or ():
+    for t in breaks_of(name, history) or ():
         place = t / run.exact_dt
         if 0.0 < place < run.steps and abs(place - round(place)) > CLOSE:
             found.setdefault(int(place), []).append(t)
-    return found
+    for step, times in found.items():
+        first, last = run.times(np.array([step, step + 1])).tolist()
+        yield [first, *times, last]
 
 
 def _of_load(
-    name: str, history: Callable[[Any], Any], width: int, solution: Solution, run: Discretisation
+    name: str, history: Any, width: int, solution: Solution, run: Discretisation
 ) -> Iterator[Finding]:
-    breaks = breaks_of(name, history)
-    steps = broken_steps(breaks, run)
-    if not steps:
-        return
-    inside = [t for t in breaks or () if 0.0 < t < run.t_end]
-    whole = _integral(name, history, width, [0.0, *inside, run.t_end], absolute=True)
-    for step, times in steps.items():
-        ends = run.times(np.array([step, step + 1]))
-        true = _integral(name, history, width, [float(ends[0]), *times, float(ends[1])])
-        seen = 0.5 * run.exact_dt * tabulate(name, history, ends, width).sum(axis=0)
-        if (np.abs(true - seen) > MISSED * whole.max()).any():
-            unit = "N s" if width == 2 else "N m s"
-            yield _finding(
-                solution,
-                float(ends[0]),
-                f"{name}: it breaks within the step from t = {float(ends[0]):.6g} s; its impulse there is "
-                f"{_said(true)} {unit}, of which steps of {run.exact_dt:g} s include {_said(seen)}; "
-                f"{_advice(times, run)}",
-            )
+    def values(t: Array) -> Array:
+        return tabulate(name, history, t, width)
+
+    whole: Any = None
+    for times in _broken_steps(name, history, run):
+        if whole is None:
+            inside = [t for t in breaks_of(name, history) or () if 0.0 < t < run.t_end]
+            whole = _integral(lambda t: np.abs(values(t)), [0.0, *inside, run.t_end]).max()
+        true, seen = (
+            _integral(values, times),
+            0.5 * run.exact_dt * values(np.array(times)[[0, -1]]).sum(axis=0),
+        )
+        if (np.abs(true - seen) > MISSED * whole).any():
+            sizes = f"its impulse there is {_shown(true)}, of which steps of {run.exact_dt:g} s include {_shown(seen)}"
+            yield _finding(solution, name, times, f"{sizes} {'N s' if width == 2 else 'N m s'}")
             return
 
 
-def _of_drive(drive: Drive, solution: Solution, run: Discretisation) -> Iterator[Finding]:
-    name, history, width, unit = drive
-    breaks = breaks_of(name, history)
-    steps = broken_steps(breaks, run)
-    if not steps:
-        return
-    inside = [t for t in breaks or () if 0.0 < t < run.t_end]
-    values = tabulate(name, history, np.append(0.0, _points([0.0, *inside, run.t_end])[0]), width)[:, 0]
-    largest = np.abs(values - values[0]).max()
-    for step, times in steps.items():
-        ends = run.times(np.array([step, step + 1]))
-        t, _ = _points([float(ends[0]), *times, float(ends[1])])
-        (a, b), h = tabulate(name, history, ends, width), float(ends[1] - ends[0])
-        x = (t - ends[0]) / h
-        y = 1.0 - x
-        cubic = y * y * (1.0 + 2.0 * x) * a[0] + x * x * (1.0 + 2.0 * y) * b[0]
-        cubic += h * x * y * (y * a[1] - x * b[1])
-        off = float(np.abs(tabulate(name, history, t, width)[:, 0] - cubic).max())
-        if off > MISSED * largest:
-            moves = "turns" if unit == "rad" else "moves"
-            yield _finding(
-                solution,
-                float(ends[0]),
-                f"{name}: it breaks within the step from t = {float(ends[0]):.6g} s and {moves} there by {off:.3g} "
-                f"{unit}, which steps of {run.exact_dt:g} s do not include; {_advice(times, run)}",
-            )
+def _of_drive(
+    name: str, history: Any, width: int, unit: str, solution: Solution, run: Discretisation
+) -> Iterator[Finding]:
+    def way(t: Array) -> Array:
+        return tabulate(name, history, t, width)[:, :1]
+
+    for times in _broken_steps(name, history, run):
+        (a, b), h = tabulate(name, history, np.array(times)[[0, -1]], width), times[-1] - times[0]
+        cubic = 0.5 * h * (a[0] + b[0]) + h * h * (a[1] - b[1]) / 12.0
+        off = abs(float(_integral(way, times)[0]) - cubic) / h
+        points = np.linspace(0.0, run.t_end, 8 * len(times) + 1)
+        moved = way(np.concatenate([points, times]))
+        if off > MISSED * float(np.abs(moved - moved[0]).max()):
+            said = f"it moves there by {off:.3g} {unit} in the mean, which steps of {run.exact_dt:g} s do not include"
+            yield _finding(solution, name, times, said)
             return
 
 
-def _points(times: list[float]) -> tuple[Array, Array]:
-    """Gauss points between the times, and their weights, s."""
-    a, b = np.array(times[:-1]), np.array(times[1:])
-    t = 0.5 * (a + b)[:, None] + 0.5 * (b - a)[:, None] * _POINTS
-    return t.ravel(), (0.5 * (b - a)[:, None] * _WEIGHTS).ravel()
+def _integral(values: Values, times: list[float]) -> Array:
+    """Integral from the first to the last time, smooth between two of them, (width,)."""
+    a, b = np.array(times[:-1])[:, None], np.array(times[1:])[:, None]
+    t, weights = 0.5 * (a + b) + 0.5 * (b - a) * _POINTS, 0.5 * (b - a) * _WEIGHTS
+    return weights.ravel() @ values(t.ravel())  # type: ignore[no-any-return]
 
 
-def _integral(
-    name: str, history: Callable[[Any], Any], width: int, times: list[float], *, absolute: bool = False
-) -> Array:
-    """Impulse of a load from the first to the last time, (width,); that of its size if `absolute`."""
-    t, weights = _points(times)
-    values = tabulate(name, history, t, width)
-    return weights @ (np.abs(values) if absolute else values)  # type: ignore[no-any-return]
+def _finding(solution: Solution, name: str, times: list[float], said: str) -> Finding:
+    output = min(int(np.searchsorted(solution.t, times[0], side="right")), max(solution.t.size - 1, 0))
+    advice = f"a dt below {0.1 * min(np.diff(times)):.2g} s may help, or steps that end at its breaks, or `tolerance`"
+    message = f"{name}: it breaks within the step from t = {times[0]:.6g} s; {said}; {advice}"
+    return Finding(output, "inaccurate", message)
 
 
-def _finding(solution: Solution, t: float, message: str) -> Finding:
-    output = min(int(np.searchsorted(solution.t, t, side="right")), max(solution.t.size - 1, 0))
-    return Finding(output, "inaccurate", message, None, None)
-
-
-def _said(values: Array) -> str:
+def _shown(values: Array) -> str:
     return ", ".join(f"{v:.3g}" for v in values)
-
-
-def _advice(times: list[float], run: Discretisation) -> str:
-    apart = float(np.diff(times).min()) if len(times) > 1 else run.exact_dt
-    return f"a dt below {0.1 * apart:.2g} s may help, or steps that end at its breaks, or `tolerance`"

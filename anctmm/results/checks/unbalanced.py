@@ -14,154 +14,99 @@ from numpy.typing import NDArray
 
 from anctmm.errors import listed, shown
 from anctmm.model.bodies import Beam
-from anctmm.model.connectors import Connector, RotationalSpring, ends_of
+from anctmm.model.connectors import RotationalSpring, ends_of
 from anctmm.model.joints import Guide, Joint
 from anctmm.model.loads import Force, LineLoad, Torque, tabulated
 from anctmm.model.places import Place
 from anctmm.model.scene import Scene
 from anctmm.model.topology import GROUND, Sets, joined_bodies
-from anctmm.model.velocities import Point
 from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 
-#: Of the loads of a group of bodies: a sum that counts as none.
-NONE = 1e-9
-#: Sine of the angle between lines that count as parallel.
-PARALLEL = 1e-12
+#: Of the loads of a group of bodies: a sum that counts as none; sine of the angle between parallel lines.
+NONE, PARALLEL = 1e-9, 1e-12
 
 
 @dataclass
 class _Group:
-    """Bodies that are connected to each other, and what connects them to the ground."""
+    """Bodies that are connected to each other, what connects them to the ground, and dead loads on them.
+
+    Forces have the place where they act, or None along beams.
+    """
 
     bodies: list[str]
-    #: Directions of lines in the ground on which their places move.
-    lines: list[Point] = field(default_factory=list)
-    #: Places that pins hold.
+    lines: list[tuple[float, float]] = field(default_factory=list)
     pivots: list[Place] = field(default_factory=list)
-    #: Whether something else holds them, or acts on them with a force that turns with its place.
+    #: Whether something else holds them, or acts on them with a force that turns with its place; and their rotation.
     held: bool = False
-    #: Whether something holds their rotation only.
     turns_held: bool = False
+    forces: list[tuple[Place | None, Array]] = field(default_factory=list)
+    moments: list[float] = field(default_factory=list)
 
-    def slides(self) -> Array | None:
-        """Directions in which they can be translated, (k, 2); None if there are none."""
-        if self.held or self.pivots:
+    def motion(self) -> str | None:
+        """How they move for ever, in words; None if they do not."""
+        return None if self.held else self._slides() or self._turns()
+
+    def _slides(self) -> str | None:
+        parallel = all(abs(x * v - y * u) <= PARALLEL for x, y in self.lines[:1] for u, v in self.lines)
+        if self.pivots or not parallel or not self.forces:
             return None
-        if not self.lines:
-            return np.eye(2)
-        (x, y), *others = self.lines
-        parallel = all(abs(x * v - y * u) <= PARALLEL for u, v in others)
-        return np.array([(x, y)]) if parallel else None
+        directions = np.array(self.lines[:1]) if self.lines else np.eye(2)
+        along = directions @ np.sum([force for _, force in self.forces], axis=0)
+        size = float(np.linalg.norm(along))
+        if size <= NONE * sum(float(np.hypot(*force)) for _, force in self.forces):
+            return None
+        x, y = along @ directions / size
+        return f"move along ({x:.4g}, {y:.4g}) without end, and a force of {size:.4g} N acts"
+
+    def _turns(self) -> str | None:
+        spots = {place.position for place in self.pivots}
+        pivots = {place.canonical for place in self.pivots}
+        elsewhere = any(place is None or place.canonical not in pivots for place, _ in self.forces)
+        if self.lines or self.turns_held or len(spots) > 1 or elsewhere:
+            return None
+        moment = sum(self.moments)
+        if not abs(moment) > NONE * sum(map(abs, self.moments)):
+            return None
+        about = f" about {shown(next(iter(spots)))}" if spots else ""
+        return f"turn{about} without end, and a moment of {moment:.4g} N m acts"
 
 
 def never_balanced(scene: Scene) -> Status | None:
-    """Status of a search for an equilibrium that cannot be, as the loads do work in a motion without end.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    Status or None
-        None where there may be an equilibrium.
-    """
-    values = tabulated(scene.loads, np.zeros(1))[0]
+    """Status of a search for an equilibrium that cannot be, as the loads do work in a motion without end; or None."""
     for group in _groups(scene):
-        forces = list(_forces(scene, group, values))
-        why = _slides(group, forces) or _turns(scene, group, forces, values)
-        if why is not None:
-            alone = len(group.bodies) == 1
-            what = f"body {group.bodies[0]!r} is" if alone else f"bodies {_names(group)} are"
-            return Status(
-                "diverged",
-                f"no equilibrium found beyond 0 of the load: {what} free to {why} that way; a joint or a "
-                f"spring to the ground can hold {'it' if alone else 'them'}, or another load balance this one",
-                time=0.0,
-                body=group.bodies[0],
+        if (why := group.motion()) is not None:
+            names = f"bodies {listed(group.bodies)}, which are connected, are"
+            who, it = (f"body {group.bodies[0]!r} is", "it") if len(group.bodies) == 1 else (names, "them")
+            message = (
+                f"no equilibrium found beyond 0 of the load: {who} free to {why} that way; a joint or a spring to the "
+                f"ground can hold {it}, or another load balance this one"
             )
+            return Status("diverged", message, time=0.0, body=group.bodies[0])
     return None
 
 
-def _names(group: _Group) -> str:
-    return f"{listed(group.bodies)}, which are connected,"
-
-
-def _slides(group: _Group, forces: list[tuple[Place | None, Array]]) -> str | None:
-    """Along what the group moves for ever; None if it does not."""
-    directions = group.slides()
-    if directions is None or not forces:
-        return None
-    total = np.sum([force for _, force in forces], axis=0)
-    along = directions @ total
-    size = float(np.linalg.norm(along))
-    if size <= NONE * sum(float(np.hypot(*force)) for _, force in forces):
-        return None
-    x, y = along @ directions / size
-    return f"move along ({x:.4g}, {y:.4g}) without end, and a force of {size:.4g} N acts"
-
-
-def _turns(
-    scene: Scene, group: _Group, forces: list[tuple[Place | None, Array]], values: Array
-) -> str | None:
-    """About what the group turns for ever; None if it does not."""
-    if group.held or group.lines or group.turns_held:
-        return None
-    spots = {pivot.position for pivot in group.pivots}
-    pivots = {pivot.end for pivot in group.pivots}
-    if len(spots) > 1 or any(place is None or place.canonical not in pivots for place, _ in forces):
-        return None
-    moments = [
-        float(value[0])
-        for load, value in zip(scene.loads, values, strict=True)
-        if isinstance(load, Torque) and scene.place(load.end).body.name in group.bodies
-    ]
-    if not abs(sum(moments)) > NONE * sum(map(abs, moments)):
-        return None
-    about = f" about {shown(next(iter(spots)))}" if spots else ""
-    return f"turn{about} without end, and a moment of {sum(moments):.4g} N m acts"
-
-
-def _forces(scene: Scene, group: _Group, values: Array) -> Iterator[tuple[Place | None, Array]]:
-    """Dead forces on a group, N, and the places where they act; None for those along beams."""
-    gravity = np.array(scene.gravity)
-    for name in group.bodies:
-        body = scene.body(name)
-        if gravity.any():
-            yield (None if isinstance(body, Beam) else scene.place(f"{name}.center")), body.mass * gravity
-    for load, value in zip(scene.loads, values, strict=True):
-        if isinstance(load, Force) and value.any():
-            place = scene.place(load.end)
-            if place.body.name in group.bodies:
-                yield place, value
-        elif isinstance(load, LineLoad) and value.any() and load.body in group.bodies:
-            yield None, scene.beam(load.body).length * value
-
-
-def _groups(scene: Scene) -> list[_Group]:
-    """Bodies of a scene by what connects them."""
+def _groups(scene: Scene) -> Iterator[_Group]:
+    """Bodies of a scene by what connects them; a damper has no force at rest."""
+    acting = [c for c in scene.connectors if c.law is not None or c.stiffness != 0.0 or c.preload != 0.0]
     sets = Sets[str]()
-    acting = [connector for connector in scene.connectors if _acts(connector)]
     for one, two in joined_bodies(scene, acting):
         if two is not GROUND:
             sets.unite(one, two)
-    groups = {names[0]: _Group(names) for names in sets.among(body.name for body in scene.bodies)}
-    of = {name: group for group in groups.values() for name in group.bodies}
+    of = dict[str, _Group]()
+    for names in sets.among(body.name for body in scene.bodies):
+        of |= dict.fromkeys(names, _Group(names))
     for joint in scene.joints:
         _hold(scene, of[scene.place(joint.places[0]).body.name], joint)
     for connector in acting:
         first, second = ends_of(scene, connector)
         if not isinstance(second, Place):
-            if isinstance(connector, RotationalSpring):
-                of[first.body.name].turns_held = True
-            else:
-                of[first.body.name].held = True
-    for load in scene.loads:
-        if isinstance(load, Force) and load.follower:
-            of[scene.place(load.end).body.name].held = True
-    return list(groups.values())
+            group, turning = of[first.body.name], isinstance(connector, RotationalSpring)
+            group.turns_held |= turning
+            group.held |= not turning
+    _load(scene, of)
+    yield from {id(group): group for group in of.values()}.values()
 
 
 def _hold(scene: Scene, group: _Group, joint: Joint) -> None:
@@ -174,14 +119,24 @@ def _hold(scene: Scene, group: _Group, joint: Joint) -> None:
         if joint.holds_direction or joint in scene.own_joints:
             group.held = True
         else:
-            group.pivots += [_first(scene.place(end)) for end in joint.ends]
+            group.pivots += [scene.place(end) for end in joint.ends]
 
 
-def _first(place: Place) -> Place:
-    """The same place, by the name that stands for all that coincide with it."""
-    return Place(place.body, place.canonical[1])
-
-
-def _acts(connector: Connector) -> bool:
-    """Whether a connector has a force at rest: a damper has none."""
-    return connector.law is not None or connector.stiffness != 0.0 or connector.preload != 0.0
+def _load(scene: Scene, of: dict[str, _Group]) -> None:
+    """Write down what acts on each group at t = 0."""
+    gravity = np.array(scene.gravity)
+    for body in scene.bodies if gravity.any() else ():
+        place = None if isinstance(body, Beam) else scene.place(f"{body.name}.center")
+        of[body.name].forces.append((place, body.mass * gravity))
+    for load, value in zip(scene.loads, tabulated(scene.loads, np.zeros(1))[0], strict=True):
+        if isinstance(load, LineLoad):
+            if value.any():
+                of[load.body].forces.append((None, scene.beam(load.body).length * value))
+            continue
+        place = scene.place(load.end)
+        group = of[place.body.name]
+        if isinstance(load, Torque):
+            group.moments.append(float(value[0]))
+        elif isinstance(load, Force):
+            group.held |= load.follower
+            group.forces += [(place, value)] if value.any() else []

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason, shown
-from anctmm.results.export.background import draw_background
 from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.export.tables import needed
 from anctmm.validation import reals
@@ -35,8 +34,9 @@ LOOKS: dict[str, dict[str, Any]] = {
     "guide": {"lw": 0.9, "ls": (0, (5, 3)), "color": "0.55"},
 }
 MARKS = {"clamp": "s", "pin": "^"}
-#: Bodies that are named in a picture at most, and lines between two names that would touch.
-NAMED, LINES = 12, 12
+BESIDE: dict[str, Any] = {"fontsize": "small", "loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+#: Bodies that are named in a picture at most.
+NAMED = 12
 #: Signs of the buttons of matplotlib's player, whose own come from the network.
 SIGNS = {
     "play fa-flip-horizontal": "◀", "fast-backward": "«", "fast-forward": "»", "step-backward": "‹",
@@ -129,28 +129,25 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     OutputError
         If the file cannot be written.
     """
-    target = Path(path)
+    target, name = Path(path), solution.scene.name
     if target.suffix not in WRITERS:
         raise ResultError(f"path is {str(target)!r}; a file {' or '.join(map(repr, WRITERS))} is needed")
     if not fps > 0.0 or not np.isfinite(fps):
         raise ResultError(f"fps is {shown(fps)}; a number > 0 is needed")
     if len(solution.t) < 2:
-        raise ResultError(
-            f"scene {solution.scene.name!r} has {len(solution.t)} outputs; 2 or more are needed"
-        )
+        raise ResultError(f"scene {name!r} has {len(solution.t)} outputs; 2 or more are needed")
     animation = needed("matplotlib.animation", "animate")
     figure = needed("matplotlib.figure", "animate").Figure(figsize=(6.4, 5.2), layout="constrained")
-    axes = figure.subplots()
-    drawing = _Drawing(axes, solution)
-    draw_background(axes, [*drawing.move(0), axes.title])
-    frames = np.unique(np.linspace(0, len(solution.t) - 1, FRAMES).round().astype(int))
-    moving = animation.FuncAnimation(
-        figure, drawing.move, frames=frames.tolist(), interval=1e3 / fps, blit=False
-    )
+    drawing = _Drawing(figure.subplots(), solution)
+    drawing.move(0)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # it is the same in all frames
+    frames = np.unique(np.linspace(0, len(solution.t) - 1, FRAMES).round().astype(int)).tolist()
+    moving = animation.FuncAnimation(figure, drawing.move, frames=frames, interval=1e3 / fps, blit=False)
     try:
         if target.suffix == ".html":
-            player = _alone(moving.to_jshtml(fps=fps), f"{solution.scene.name}: {solution.solver}")
-            target.write_text(player, encoding="utf-8")
+            page = _alone(moving.to_jshtml(fps=fps), f"{name}: {solution.solver}")
+            target.write_text(page, encoding="utf-8")
         else:
             moving.save(target, writer=WRITERS[target.suffix], fps=fps)
     except OSError as error:
@@ -174,17 +171,17 @@ class _Drawing:
         self.t, self.axes, self.static = solution.t, axes, solution.static
         frame(axes, points_of(self.shapes))
         draw_supports(axes, solution)
-        self.lines, self.fills = [], []
+        self.lines, self.fills, names = [], [], {}
         for number, shape in enumerate(self.shapes):
             look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
-            self.lines.append(axes.plot([], [], **look)[0])
+            self.lines += axes.plot([], [], **look)
             if shape.kind == "rigid":
                 self.fills.append((shape, axes.fill([], [], color=look["color"], alpha=0.25, lw=0)[0]))
+            if shape.name and number < NAMED:
+                names[literal(shape.name)] = self.lines[-1]
         if len(self.shapes) > 1:
-            first = zip(self.lines[:NAMED], self.shapes, strict=False)
-            named = {literal(shape.name): line for line, shape in first if shape.name}
-            # told one by one: a label of a line that begins with _ is left out
-            axes.legend(named.values(), named, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
+            # with their lines: a label of a line that begins with _ is left out
+            axes.legend(names.values(), names, **BESIDE)
 
     def move(self, k: int) -> Any:
         """Show output k."""
@@ -192,36 +189,28 @@ class _Drawing:
             line.set_data(*shape.points[k].T)
         for shape, fill in self.fills:
             fill.set_xy(shape.points[k])
-        label = f"load factor {self.t[k]:.3g}" if self.static else f"t = {self.t[k]:.3f} s"
-        self.axes.set_title(label, y=1.0)  # else looked for beside axes that are a picture by then
-        return [*self.lines, *(fill for _, fill in self.fills)]
+        self.axes.set_title(f"load factor {self.t[k]:.3g}" if self.static else f"t = {self.t[k]:.3f} s")
+        return self.lines
 
 
 def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
-    """Bodies at some outputs, the first in grey, later ones darker; springs at the last, names where there is room."""
+    """Bodies at some outputs, the first in grey, later ones darker; springs at the last; names."""
     shapes = shapes_of(solution)
-    shades = np.linspace(0.25, 1.0, len(chosen))
     unit = "" if solution.static else " s"
-    for number, (k, shade) in enumerate(zip(chosen, shades, strict=True)):
+    for number, (k, shade) in enumerate(zip(chosen, np.linspace(0.25, 1.0, len(chosen)), strict=True)):
         first = number == 0 and len(chosen) > 1
         color = (0.6, 0.6, 0.6, 1.0) if first else (0.1, 0.25, 0.6, float(shade))
         for place, shape in enumerate(shapes):
-            if not shape.name and k != chosen[-1]:
-                continue
-            x, y = shape.points[k].T
-            label = f"{solution.t[k]:.3g}{unit}" if place == 0 else None
-            axes.plot(x, y, label=label, **{"color": color, **LOOKS[shape.kind]})
-            if shape.kind == "rigid":
-                axes.fill(x, y, color=color[:3], alpha=0.25 * color[3], lw=0)
+            if shape.name or k == chosen[-1]:
+                x, y = shape.points[k].T
+                label = f"{solution.t[k]:.3g}{unit}" if place == 0 else None
+                axes.plot(x, y, label=label, **{"color": color, **LOOKS[shape.kind]})
+                if shape.kind == "rigid":
+                    axes.fill(x, y, color=color[:3], alpha=0.25 * color[3], lw=0)
     frame(axes, points_of(shapes, chosen))
     draw_supports(axes, solution)
     name_bodies(axes, shapes, clearest(shapes, chosen))
-    axes.legend(
-        title="load factor" if solution.static else "t",
-        fontsize="small",
-        loc="upper left",
-        bbox_to_anchor=(1.0, 1.0),
-    )
+    axes.legend(title="load factor" if solution.static else "t", **BESIDE)
 
 
 def literal(name: str) -> str:
@@ -245,7 +234,7 @@ def clearest(shapes: Sequence[Shape], chosen: Sequence[int]) -> int:
 def name_bodies(
     axes: "Axes", shapes: Sequence[Shape], k: int, size: float = 8.0, ink: Any = "0.1", paper: Any = "white"
 ) -> None:
-    """Write the names of bodies beside them at output k: where two would touch, one moves up or down.
+    """Write the names of bodies at their middles at output k: one that would touch another moves up.
 
     Parameters
     ----------
@@ -265,27 +254,19 @@ def name_bodies(
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     wide, tall = figure.get_size_inches() * 72.0 * axes.get_position().size
     unit = max((right - left) / wide, (high - low) / tall)  # m a point
-    line = 1.35 * size * unit
-    taken: list[tuple[float, float, float]] = []
-    for shape in named:
-        x, y = shape.points[k][len(shape.points[k]) // 2]
-        if not np.isfinite([x, y]).all():
-            continue
-        width = 0.68 * size * unit * len(shape.name)
-        x = min(max(x, left + 0.6 * width), right - 0.6 * width)
-        rows = sorted(range(-LINES, LINES + 1), key=lambda row: (abs(row - 1), -row))
-        free = (y + row * line for row in rows if _free(x, y + row * line, width, line, taken))
-        y = min(max(next(free, y), low + line), high - line)
-        taken.append((x, y, width))
-        text = axes.text(
-            x, y, literal(shape.name), fontsize=size, ha="center", va="center", color=ink, zorder=6
-        )
-        text.set_bbox({"facecolor": paper, "alpha": 0.75, "edgecolor": "none", "pad": 0.6})
-
-
-def _free(x: float, y: float, width: float, line: float, taken: Sequence[tuple[float, float, float]]) -> bool:
-    """Whether a name of a width fits at a place beside those that are there."""
-    return all(abs(y - v) >= line or abs(x - u) >= 0.55 * (width + w) for u, v, w in taken)
+    line, taken = 1.35 * size * unit, list[tuple[float, float, float]]()
+    middles = [(*shape.points[k][len(shape.points[k]) // 2].tolist(), shape.name) for shape in named]
+    for x, y, name in sorted(middles, key=lambda middle: middle[1]):
+        if np.isfinite([x, y]).all():
+            width = 0.68 * size * unit * len(name)
+            x = min(max(x, left + 0.6 * width), right - 0.6 * width)
+            for u, v, w in sorted(taken, key=lambda one: one[1]):
+                if abs(x - u) < 0.55 * (width + w) and abs(y - v) < line:
+                    y = v + line
+            taken.append((x, y, width))
+            behind = {"facecolor": paper, "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
+            place = {"fontsize": size, "ha": "center", "va": "center", "color": ink, "zorder": 6}
+            axes.text(x, y, literal(name), bbox=behind, **place)
 
 
 def draw_supports(axes: "Axes", solution: Any) -> None:
@@ -299,18 +280,16 @@ def _energies(axes: "Axes", solution: Any) -> None:
         series = getattr(solution.energy, name)
         if np.isfinite(series).any():
             axes.plot(solution.t, series, style, label=name)
-    axes.set_xlabel("load factor" if solution.static else "t (s)")
-    axes.set_ylabel("energy (J)")
-    axes.grid(alpha=0.3)
-    _short_numbers(axes)
+    axes.set(xlabel="load factor" if solution.static else "t (s)", ylabel="energy (J)")
+    _grid(axes)
     if axes.lines:
         axes.legend(fontsize="small")
 
 
 def points_of(shapes: Sequence[Shape], chosen: Sequence[int] | None = None) -> Array:
     """All points of shapes, at some outputs or at all, (k, 2), m."""
-    parts = [shape.points if chosen is None else shape.points[list(chosen)] for shape in shapes]
-    return np.concatenate([part.reshape(-1, 2) for part in parts])
+    outputs: Any = slice(None) if chosen is None else list(chosen)
+    return np.concatenate([shape.points[outputs].reshape(-1, 2) for shape in shapes])
 
 
 def frame(axes: "Axes", points: Array) -> None:
@@ -320,12 +299,11 @@ def frame(axes: "Axes", points: Array) -> None:
     axes.set_xlim(middle[0] - half, middle[0] + half)
     axes.set_ylim(middle[1] - half, middle[1] + half)
     axes.set_aspect("equal")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    _grid(axes)
+
+
+def _grid(axes: "Axes") -> None:
+    """A grid, and numbers of small and large scenes by a power of ten: written out they run into each other."""
     axes.grid(alpha=0.3)
-    _short_numbers(axes)
-
-
-def _short_numbers(axes: "Axes") -> None:
-    """Numbers of small and large scenes by a power of ten: written out they run into each other."""
     axes.ticklabel_format(scilimits=(-2, 4), useMathText=True)

@@ -1,28 +1,26 @@
-"""Results as bytes and back, as plain data: reading them runs no code, whoever wrote them.
+"""Results as plain data and back: reading them runs no code, whoever wrote them.
 
 A text in JSON describes the result; its arrays are stored beside it. Possible are numbers, texts, containers, NumPy
-arrays, and instances of dataclasses and named tuples, whose fields are set without a call. A class is looked up among
-those that this process has already loaded: nothing is imported.
+arrays, and instances of dataclasses, whose fields are set without a call. A class is looked up among those that this
+process has already loaded: nothing is imported.
 """
 
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-#: Bytes of the number that says how long the description is.
-_LENGTH = 8
-#: Kinds of numbers that an array may hold: numbers, truth values, texts and times; no objects.
-_KINDS = "biufcSUmM"
+#: Kinds of numbers that an array may hold: numbers, truth values and texts; no objects.
+_KINDS = "biufcSU"
 
 Arrays = dict[str, np.ndarray]
 
 
 class NotPlain(Exception):
-    """A result that is more than data, or bytes that are no result."""
+    """A result that is more than data, or data that are no result."""
 
 
 def describe(value: Any, given: Sequence[Any] = ()) -> tuple[str, Arrays]:
@@ -61,32 +59,6 @@ def rebuild(text: str | bytes, arrays: Mapping[str, np.ndarray], given: Sequence
         raise NotPlain(f"{type(error).__name__}: {error}") from error
 
 
-def encode(value: Any, given: Sequence[Any] = ()) -> bytes:
-    """A result as bytes; parameters and errors as of `describe`."""
-    text, arrays = describe(value, given)
-    table = {name: [array.dtype.str, list(array.shape)] for name, array in arrays.items()}
-    head = json.dumps([table, text]).encode()
-    return b"".join([len(head).to_bytes(_LENGTH, "little"), head, *(a.tobytes() for a in arrays.values())])
-
-
-def decode(content: bytes, given: Sequence[Any] = ()) -> Any:
-    """The result of which `encode` made these bytes; errors as of `rebuild`."""
-    end = _LENGTH + int.from_bytes(content[:_LENGTH], "little")
-    arrays: Arrays = {}
-    try:
-        table, text = json.loads(content[_LENGTH:end])
-        for name, (dtype, shape) in table.items():
-            kind, count = np.dtype(dtype), int(np.prod(shape, dtype=np.int64))
-            if kind.kind not in _KINDS:
-                raise NotPlain(f"arrays of {dtype} are no data")
-            found = np.frombuffer(content, kind, count, end) if count else np.empty(0, kind)
-            arrays[name] = found.reshape(shape)
-            end += found.nbytes
-    except (LookupError, ValueError, TypeError, AttributeError) as error:
-        raise NotPlain(f"{type(error).__name__}: {error}") from error
-    return rebuild(text, arrays, given)
-
-
 def _plain(value: Any, given: Sequence[Any], arrays: Arrays, path: tuple[str, ...]) -> Any:
     """What JSON can hold of a value: itself, or a dictionary with one key, which says what it is."""
     for number, known in enumerate(given):
@@ -94,105 +66,66 @@ def _plain(value: Any, given: Sequence[Any], arrays: Arrays, path: tuple[str, ..
             return {"given": number}
     if value is None or type(value) in (bool, int, float, str):
         return value
-    inside = [_plain(v, given, arrays, (*path, name)) for name, v in _items(value)]
-    if isinstance(value, dict):
-        keys = [_plain(key, given, arrays, (*path, str(key), "key")) for key in value]
-        inside = [list(pair) for pair in zip(keys, inside, strict=True)]
-    if type(value) is list:
-        return inside
-    if type(value) in (tuple, set, frozenset, dict):
-        return {type(value).__name__: inside}
+
+    def inside(part: Any, *names: Any) -> Any:
+        return _plain(part, given, arrays, (*path, *map(str, names)))
+
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _KINDS:
         name = ".".join(path) or "value"
         while name in arrays:
             name += "_"
         arrays[name] = np.ascontiguousarray(value).reshape(value.shape)
         return {"array" if isinstance(value, np.ndarray) else "scalar": name}
-    if type(value) is complex:
-        return {"complex": [value.real, value.imag]}
-    if type(value) is bytes:
-        return {"bytes": value.hex()}
-    if is_dataclass(value) and not isinstance(value, type):
-        return {"dataclass": [_name(value), [f.name for f in fields(value)], inside]}
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return {"namedtuple": [_name(value), list(value._fields), inside]}
     if isinstance(value, dict):
-        return {"mapping": [_name(value), inside]}
+        pairs = [[inside(key, key, "key"), inside(v, key)] for key, v in value.items()]
+        return {"dict": pairs} if type(value) is dict else {"mapping": [_name(value), pairs]}
+    if type(value) in (list, tuple):
+        parts = [inside(v, k) for k, v in enumerate(value)]
+        return parts if type(value) is list else {"tuple": parts}
+    if is_dataclass(value) and not isinstance(value, type):
+        names = [f.name for f in fields(value)]
+        return {"dataclass": [_name(value), names, [inside(getattr(value, name), name) for name in names]]}
     if isinstance(value, float):
         return {"number": [_name(value), float(value)]}
     raise NotPlain(f"{type(value).__name__} {getattr(value, '__qualname__', '')!r} is no data")
 
 
-def _items(value: Any) -> list[tuple[str, Any]]:
-    """What stands inside a container, each with the name of its place."""
-    if isinstance(value, dict):
-        return [(str(key), inside) for key, inside in value.items()]
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return list(zip(value._fields, value, strict=True))
-    if isinstance(value, list | tuple | set | frozenset):
-        return [(str(number), inside) for number, inside in enumerate(value)]
-    if is_dataclass(value) and not isinstance(value, type):
-        return [(f.name, getattr(value, f.name)) for f in fields(value)]
-    return []
-
-
-def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -> Any:  # one branch a kind
+def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -> Any:
+    """The value of which `_plain` made this."""
     if isinstance(plain, list):
-        return [_value(p, given, arrays) for p in plain]
+        return [_value(part, given, arrays) for part in plain]
     if not isinstance(plain, dict):
         return plain
     ((kind, content),) = plain.items()
     match kind:
         case "given":
             return given[content]
-        case "tuple" | "set" | "frozenset" | "dict":
-            make = {"tuple": tuple, "set": set, "frozenset": frozenset, "dict": dict}[kind]
-            return make(_value(content, given, arrays))
-        case "array" | "scalar":
-            return arrays[content][()] if kind == "scalar" else arrays[content].copy()
-        case "complex":
-            return complex(*content)
-        case "bytes":
-            return bytes.fromhex(content)
-        case "dataclass":
-            return _instance(content[0], content[1], _value(content[2], given, arrays))
-        case "namedtuple":
-            return _tuple(content[0], content[1], _value(content[2], given, arrays))
+        case "array":
+            return arrays[content].copy()
+        case "scalar":
+            return arrays[content][()]
+        case "tuple" | "dict":
+            return {"tuple": tuple, "dict": dict}[kind](_value(content, given, arrays))
         case "mapping":
-            mapping = dict.__new__(_class(content[0], dict))
-            dict.update(mapping, _value(content[1], given, arrays))
-            return mapping
+            made = dict.__new__(_class(content[0], dict))
+            dict.update(made, _value(content[1], given, arrays))
+            return made
         case "number":
             return float.__new__(_class(content[0], float), content[1])
+        case "dataclass":
+            return _instance(*content[:2], _value(content[2], given, arrays))
     raise NotPlain(f"{kind!r} is no kind of data")
 
 
 def _instance(name: str, names: list[str], values: list[Any]) -> Any:
-    """An instance of a dataclass with the fields it had.
-
-    A field that came last, and later, has its default, or is what its metadata find for it by a function "earlier" of
-    the instance.
-    """
+    """An instance of a dataclass with the fields it had."""
     kind = _class(name, object)
-    now = fields(kind) if is_dataclass(kind) else ()
-    later = now[len(names) :]
-    known = all("earlier" in f.metadata or f.default is not MISSING for f in later)
-    if [f.name for f in now[: len(names)]] != names or not known or not now:
+    if not is_dataclass(kind) or [f.name for f in fields(kind)] != names:
         raise NotPlain(f"{name} has other fields now")
     made = object.__new__(kind)
-    for known_name, value in zip(names, values, strict=True):
-        object.__setattr__(made, known_name, value)
-    for f in later:
-        find = f.metadata.get("earlier")
-        object.__setattr__(made, f.name, find(made) if find else f.default)
+    for known, value in zip(names, values, strict=True):
+        object.__setattr__(made, known, value)
     return made
-
-
-def _tuple(name: str, names: list[str], values: list[Any]) -> Any:
-    kind = _class(name, tuple)
-    if list(getattr(kind, "_fields", ())) != names:
-        raise NotPlain(f"{name} has other fields now")
-    return tuple.__new__(kind, values)
 
 
 def _name(value: Any) -> str:

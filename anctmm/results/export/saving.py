@@ -24,16 +24,8 @@ from anctmm.results.export.plain_data import NotPlain, describe, rebuild
 FORMAT = "anctmm solution 1"
 #: What readers raise of a file that is none of these.
 UNREADABLE = (
-    OSError,
-    EOFError,
-    LookupError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    zipfile.BadZipFile,
-    zlib.error,
-    NotPlain,
-)
+    OSError, EOFError, LookupError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error, NotPlain
+)  # fmt: skip
 #: Names in the file beside those of arrays.
 ABOUT, TREE = "about", "description"
 
@@ -81,7 +73,7 @@ def save(solution: Any, path: str | PathLike[str]) -> Path:
         If the file cannot be written.
     """
     target = _npz(path)
-    functions = list(functions_of(solution.scene))
+    functions = list(_functions(solution.scene))
     try:
         tree, arrays = describe(solution, functions)
     except NotPlain as error:
@@ -107,24 +99,7 @@ def save(solution: Any, path: str | PathLike[str]) -> Path:
 
 
 def load(path: str | PathLike[str], scene: Any = None) -> Any:
-    """The solution that `save` wrote.
-
-    Parameters
-    ----------
-    path : path
-    scene : Scene, optional
-        The scene of the solution, if it has functions; without it these cannot be called.
-
-    Returns
-    -------
-    Solution
-
-    Raises
-    ------
-    ResultError
-        If the file does not exist, is no saved solution, is damaged, or belongs to a version with other classes or to
-        another scene.
-    """
+    """The solution that `save` wrote; parameters and errors as of `anctmm.load`."""
     target = _npz(path)
     try:
         with np.load(BytesIO(target.read_bytes()), allow_pickle=False) as file:
@@ -135,16 +110,16 @@ def load(path: str | PathLike[str], scene: Any = None) -> Any:
                 f"file {str(target)!r} has format {shown(about['format'])}; {FORMAT!r} is needed"
             )
         wanted = about["functions"]
-        functions = [NotSaved(name) for name in wanted] if scene is None else list(functions_of(scene))
+        functions = [NotSaved(name) for name in wanted] if scene is None else list(_functions(scene))
         if scene is not None and [_name(f) for f in functions] != wanted:
             raise ResultError(
                 f"scene {scene.name!r} has the functions {listed(map(_name, functions))}; file {str(target)!r} needs "
                 f"{listed(wanted)}"
             )
         found = rebuild(str(held[TREE]), held, functions)
+    except ResultError:
+        raise
     except UNREADABLE as error:
-        if isinstance(error, ResultError):
-            raise
         raise ResultError(
             f"file {str(target)!r} is no saved solution that this version reads: {reason(error)}"
         ) from error
@@ -153,15 +128,12 @@ def load(path: str | PathLike[str], scene: Any = None) -> Any:
     return found
 
 
-def functions_of(thing: Any) -> Iterator[Callable[..., Any]]:
+def _functions(thing: Any) -> Iterator[Callable[..., Any]]:
     """Functions inside a scene, each once, in the order in which they stand; not instances of dataclasses, such as
     `Quintic`, which are data.
     """
-    seen: set[int] = set()
-    for inside in _inside(thing):
-        if callable(inside) and not is_dataclass(inside) and id(inside) not in seen:
-            seen.add(id(inside))
-            yield inside
+    found = {id(part): part for part in _inside(thing) if callable(part) and not is_dataclass(part)}
+    yield from found.values()
 
 
 def _name(function: Callable[..., Any]) -> str:
@@ -170,14 +142,13 @@ def _name(function: Callable[..., Any]) -> str:
 
 def _inside(thing: Any) -> Iterator[Any]:
     yield thing
+    parts: list[Any] = []
     if isinstance(thing, Mapping):
         parts = list(thing.values())
     elif isinstance(thing, list | tuple):
         parts = list(thing)
     elif is_dataclass(thing) and not isinstance(thing, type):
         parts = [getattr(thing, f.name) for f in fields(thing)]
-    else:
-        return
     for part in parts:
         yield from _inside(part)
 

@@ -58,16 +58,12 @@ def shapes_of(solution: Any) -> list[Shape]:
     solution : Solution
         With at least one output.
     """
-    bodies = [_body(solution, body) for body in solution.scene.bodies if body.name in solution.fields]
-    size = size_of(bodies)
-    springs = [_spring(solution, connector, size) for connector in solution.scene.connectors]
+    scene = solution.scene
+    bodies = [_body(solution, body) for body in scene.bodies if body.name in solution.fields]
+    low, high = box(np.concatenate([shape.points.reshape(-1, 2) for shape in bodies]))
+    size = float((high - low).max()) or 1.0
+    springs = [_spring(solution, connector, size) for connector in scene.connectors]
     return [*bodies, *springs, *_guides(solution, size)]
-
-
-def size_of(shapes: list[Shape]) -> float:
-    """Larger side of the box around shapes, m."""
-    low, high = box(np.concatenate([shape.points.reshape(-1, 2) for shape in shapes]))
-    return float((high - low).max()) or 1.0
 
 
 def box(points: Array) -> tuple[Array, Array]:
@@ -79,15 +75,9 @@ def box(points: Array) -> tuple[Array, Array]:
 def supports_of(scene: Any) -> list[Support]:
     """What the ground holds: clamps, grounded hinges, and fixed ends of springs."""
     found = []
-    for joint in scene.joints:
-        match joint:
-            case Clamp():
-                kind = "clamp"
-            case Pin() | Weld():
-                kind = "pin"
-            case _:  # guides are drawn elsewhere; of a user's own kind nothing is known
-                continue
-        if joint.grounded:
+    for joint in scene.joints:  # guides are drawn elsewhere; of a user's own kind nothing is known
+        if joint.grounded and isinstance(joint, Clamp | Pin | Weld):
+            kind = "clamp" if isinstance(joint, Clamp) else "pin"
             found.append(Support(kind, scene.place(joint.ends[0]).position))
     grounds = (c.ground for c in scene.connectors if isinstance(c, Spring))
     return [*found, *(Support("pin", point) for point in grounds if point is not None)]
@@ -96,20 +86,14 @@ def supports_of(scene: Any) -> list[Support]:
 def _body(solution: Any, body: Any) -> Shape:
     match body:
         case Beam():
-            fractions = np.linspace(0.0, 1.0, POINTS)
-            return Shape(body.name, "beam", solution.position(body.name, fractions))
-        case RigidBody():
-            return _rigid(solution, body)
+            return Shape(body.name, "beam", solution.position(body.name, np.linspace(0.0, 1.0, POINTS)))
+        case RigidBody():  # one without length is drawn as a mass
+            points = [solution.position(f"{body.name}.{key}") for key in outline(body)]
+            return Shape(body.name, "mass" if len(points) == 1 else "rigid", np.stack(points, axis=1))
         case PointMass():
             return Shape(body.name, "mass", solution.position(f"{body.name}.center")[:, None])
         case _:
             raise unknown_kind("body", body, (Beam, RigidBody, PointMass))
-
-
-def _rigid(solution: Any, body: RigidBody) -> Shape:
-    """The outline of a rigid body, or, where that has no length and would not be seen, a mass."""
-    points = [solution.position(f"{body.name}.{key}") for key in outline(body)]
-    return Shape(body.name, "mass" if len(points) == 1 else "rigid", np.stack(points, axis=1))
 
 
 def outline(body: RigidBody) -> list[str]:
@@ -121,7 +105,7 @@ def outline(body: RigidBody) -> list[str]:
     if not any(any(body.arm(key)) for key in keys):
         return ["center"]
     if len(keys) < 3:
-        keys = ["center", *(key for key in keys if key != "center")]
+        keys = ["center", *keys]
     arms = np.array([body.arm(key) for key in keys])
     x, y = (arms - arms.mean(axis=0)).T
     around = [keys[k] for k in np.argsort(np.arctan2(y, x), kind="stable")]
@@ -161,18 +145,10 @@ def _guides(solution: Any, size: float) -> Iterator[Shape]:
         if isinstance(joint, Guide):
             place = np.array(scene.place(joint.ends[0]).position)
             line = place + GUIDE * size * np.array([[-1.0], [1.0]]) * joint.direction
-            if joint.body is None:
-                yield Shape("", "guide", np.broadcast_to(line, (len(solution.t), 2, 2)))
-            else:
-                yield Shape("", "guide", _carried(solution, scene.body(joint.body), line))
-
-
-def _carried(solution: Any, body: RigidBody, points: Array) -> Array:
-    """Points of the reference that a rigid body carries along, (n, k, 2)."""
-    center = solution.position(f"{body.name}.center")
-    x, y = (points - np.array(body.center)).T
-    cosine, sine = solution.fields[body.name].coordinates[:, 1].T
-    turned = np.stack(
-        [np.outer(cosine, x) - np.outer(sine, y), np.outer(sine, x) + np.outer(cosine, y)], axis=2
-    )
-    return np.asarray(center[:, None] + turned)
+            points = np.broadcast_to(line, (len(solution.t), 2, 2))
+            if joint.body is not None:  # the line is fixed in that body
+                arms = line - np.array(scene.body(joint.body).center)
+                center, u = np.moveaxis(solution.fields[joint.body].coordinates, 1, 0)[:, :, None]
+                across = np.stack([-u[..., 1], u[..., 0]], axis=-1)
+                points = center + arms[:, :1] * u + arms[:, 1:] * across
+            yield Shape("", "guide", points)

@@ -1,6 +1,6 @@
 """Solutions as tables of pandas and data sets of xarray, with units."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -39,6 +39,21 @@ def needed(package: str, what: str) -> ModuleType:
         raise ResultError(f"{what} needs {package}: pip install 'anctmm[{extra}]' ({error})") from error
 
 
+def check_points(points: object) -> None:
+    """Refuse a number of points along a beam that is no whole number of 2 or more, by ResultError."""
+    if not isinstance(points, int | np.integer) or points < 2:
+        raise ResultError(f"points is {shown(points)}; a whole number of 2 or more is needed")
+
+
+def _quantities(solution: Any, *place: Any) -> Iterator[tuple[str, Array]]:
+    """Name and series of each quantity of a place that the solution has."""
+    for quantity in QUANTITIES:
+        try:
+            yield quantity, getattr(solution, quantity)(*place)
+        except ResultError:
+            continue
+
+
 def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     """Motion of places as a table: one row for each output, columns such as "arm.end x (m)".
 
@@ -59,33 +74,21 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
         If pandas is not installed.
     """
     pandas = needed("pandas", "to_frame")
-    columns: dict[str, Array] = {}
     if isinstance(probes, str):
         raise ResultError(
             f"probes are {shown(probes)}; a list of places is needed, such as [{shown(probes)}]"
         )
-    probes = list(probes)
-    for probe, label in zip(probes, _labels(probes), strict=True):
-        for quantity, (suffixes, unit) in QUANTITIES.items():
-            try:
-                found = getattr(solution, quantity)(probe)
-            except ResultError:
-                continue
+    columns: dict[str, Array] = {}
+    for probe in probes:
+        label = probe if isinstance(probe, str) else f"{probe[0]} {float(probe[1]):.12g}"
+        for quantity, found in _quantities(solution, probe):
+            suffixes, unit = QUANTITIES[quantity]
             parts = found.reshape(len(found), len(suffixes)).T
             columns |= {f"{label} {s} ({unit})": part for s, part in zip(suffixes, parts, strict=True)}
     columns |= {f"{name} energy (J)": getattr(solution.energy, name) for name in ENERGIES if name != "work"}
     columns["work (J)"] = solution.energy.work
     index = pandas.Index(solution.t, name="load factor" if solution.static else "t (s)")
     return pandas.DataFrame(columns, index=index)
-
-
-def _labels(probes: list[Any]) -> list[str]:
-    """Places as the beginnings of columns' names: with six digits, or all if two would be equal."""
-    short = [probe if isinstance(probe, str) else "{} {:g}".format(*probe) for probe in probes]
-    return [
-        label if short.count(label) == 1 or isinstance(probe, str) else f"{probe[0]} {float(probe[1])!r}"
-        for probe, label in zip(probes, short, strict=True)
-    ]
 
 
 def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
@@ -110,31 +113,29 @@ def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
         If xarray is not installed, or `points` is no whole number of 2 or more.
     """
     xarray = needed("xarray", "to_dataset")
-    if not isinstance(points, int | np.integer) or points < 2:
-        raise ResultError(f"points is {shown(points)}; a whole number of 2 or more is needed")
+    check_points(points)
     fractions = np.linspace(0.0, 1.0, points)
-    names = [name for name, field in solution.fields.items() if not isinstance(field, RigidField)]
+    rigid = [name for name, field in solution.fields.items() if isinstance(field, RigidField)]
+    beams = [name for name in solution.fields if name not in rigid]
     time = "load_factor" if solution.static else "t"
-    coordinates = {time: solution.t, "body": names, "fraction": fractions, "axis": ["x", "y"]}
-    if not names:
-        del coordinates["body"], coordinates["fraction"]
+    coordinates = {time: solution.t, "axis": ["x", "y"]}
     variables: dict[str, Any] = {}
-    for quantity, (suffixes, unit) in QUANTITIES.items() if names else ():
-        try:
-            parts = [getattr(solution, quantity)(name, fractions) for name in names]
-        except ResultError:
-            continue
-        axes = (time, "body", "fraction") + (("axis",) if len(suffixes) > 1 else ())
-        variables[quantity] = (axes, np.stack(parts, axis=1), {"units": unit})
-    for name, field in solution.fields.items():
-        if isinstance(field, RigidField):
-            for quantity, (suffixes, unit) in QUANTITIES.items():
-                axes = (time, "axis") if len(suffixes) > 1 else (time,)
-                try:
-                    series = getattr(solution, quantity)(f"{name}.center")
-                except ResultError:
-                    continue
-                variables[f"{quantity}_{name}"] = (axes, series, {"units": unit})
+
+    def put(name: str, quantity: str, axes: tuple[str, ...], series: Array) -> None:
+        suffixes, unit = QUANTITIES[quantity]
+        axes = (*axes, "axis") if len(suffixes) > 1 else axes
+        variables[name] = (axes, series, {"units": unit})
+
+    if beams:
+        coordinates |= {"body": beams, "fraction": fractions}
+        of_beams = [dict(_quantities(solution, name, fractions)) for name in beams]
+        for quantity in QUANTITIES:
+            if all(quantity in found for found in of_beams):
+                series = np.stack([found[quantity] for found in of_beams], axis=1)
+                put(quantity, quantity, (time, "body", "fraction"), series)
+    for name in rigid:
+        for quantity, series in _quantities(solution, f"{name}.center"):
+            put(f"{quantity}_{name}", quantity, (time,), series)
     for name in ENERGIES:
         variables[f"energy_{name}"] = (time, getattr(solution.energy, name), {"units": "J"})
     about = {"scene": solution.scene.name, "solver": solution.solver, "status": str(solution.status)}

@@ -9,20 +9,28 @@ from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as xml
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import OutputError, ResultError, reason, shown
+from anctmm.errors import OutputError, ResultError, reason
 from anctmm.model.bodies import Beam
 from anctmm.model.rigid_bodies import CENTER, RigidBody
 from anctmm.results.export.shapes import outline
+from anctmm.results.export.tables import check_points
 
 Array = NDArray[np.float64]
 
 #: VTK's numbers for a cell of one point, and of connected lines.
 VERTEX, POLYLINE = 1, 4
+GRID = """<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>
+<Piece NumberOfPoints="{points}" NumberOfCells="{cells}">
+<PointData Vectors="displacement">{fields}</PointData>
+<Points>{places}</Points>
+<Cells>{connectivity}{offsets}{types}</Cells>
+</Piece></UnstructuredGrid></VTKFile>
+"""
+LISTING = '<VTKFile type="Collection" version="0.1"><Collection>\n{}\n</Collection></VTKFile>\n'
 
 
 def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path:
@@ -48,8 +56,7 @@ def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path
     OutputError
         If files cannot be written.
     """
-    if not isinstance(points, int | np.integer) or points < 2:
-        raise ResultError(f"points is {shown(points)}; a whole number of 2 or more is needed")
+    check_points(points)
     if not len(solution.t):
         raise ResultError(f"scene {solution.scene.name!r} has no outputs to write: {solution.status}")
     places = [_places(solution.scene.body(name), points) for name in solution.fields]
@@ -59,15 +66,15 @@ def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path
     with suppress(ResultError):
         fields["velocity"] = np.stack([solution.velocity(*place) for place in probes], axis=1)
     stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in solution.scene.name) or "scene"
-    target, listing = Path(folder), xml.Element("VTKFile", type="Collection", version="0.1")
-    collection = xml.SubElement(listing, "Collection")
+    target, lines = Path(folder), []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for k, t in enumerate(solution.t):
+        for k, t in enumerate(solution.t.tolist()):
             name = f"{stem}_{k:05d}.vtu"
-            _grid(path[k], sizes, {key: values[k] for key, values in fields.items()}).write(target / name)
-            xml.SubElement(collection, "DataSet", timestep=repr(float(t)), part="0", file=name)
-        xml.ElementTree(listing).write(target / f"{stem}.pvd")
+            now = {key: values[k] for key, values in fields.items()}
+            (target / name).write_text(_grid(path[k], sizes, now), encoding="utf-8")
+            lines.append(f'<DataSet timestep="{t!r}" part="0" file="{name}"/>')
+        (target / f"{stem}.pvd").write_text(LISTING.format("\n".join(lines)), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"folder {str(target)!r} cannot be written to: {reason(error)}") from error
     return target / f"{stem}.pvd"
@@ -81,36 +88,24 @@ def _places(body: Any, points: int) -> list[tuple[str, Any]]:
     return [(body.name, key) for key in keys]
 
 
-def _grid(points: Array, sizes: Sequence[int], fields: Mapping[str, Array]) -> xml.ElementTree:
+def _grid(points: Array, sizes: Sequence[int], fields: Mapping[str, Array]) -> str:
     """An unstructured grid of cells of connected lines, or of one point, each with its number of points."""
-    root = xml.Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
-    piece = xml.SubElement(
-        xml.SubElement(root, "UnstructuredGrid"),
-        "Piece",
-        NumberOfPoints=str(len(points)),
-        NumberOfCells=str(len(sizes)),
+    return GRID.format(
+        points=len(points),
+        cells=len(sizes),
+        fields="".join(_vectors(name, values) for name, values in fields.items()),
+        places=_vectors("Points", points),
+        connectivity=_numbers("connectivity", range(len(points))),
+        offsets=_numbers("offsets", np.cumsum(sizes).tolist()),
+        types=_numbers("types", [VERTEX if size == 1 else POLYLINE for size in sizes], "UInt8"),
     )
-    data = xml.SubElement(piece, "PointData", Vectors="displacement")
-    for name, values in fields.items():
-        _array(data, name, values)
-    _array(xml.SubElement(piece, "Points"), "Points", points)
-    cells = xml.SubElement(piece, "Cells")
-    _numbers(cells, "connectivity", np.arange(len(points)))
-    _numbers(cells, "offsets", np.cumsum(sizes))
-    _numbers(cells, "types", np.where(np.array(sizes) == 1, VERTEX, POLYLINE))
-    return xml.ElementTree(root)
 
 
-def _array(parent: xml.Element, name: str, vectors: Array) -> None:
+def _vectors(name: str, vectors: Array) -> str:
     """Vectors of the plane, as VTK wants them, of space; every digit is kept."""
-    found = xml.SubElement(
-        parent, "DataArray", type="Float64", Name=name, NumberOfComponents="3", format="ascii"
-    )
-    found.text = "\n".join(f"{x!r} {y!r} 0.0" for x, y in vectors.tolist())
+    rows = "\n".join(f"{x!r} {y!r} 0.0" for x, y in vectors.tolist())
+    return f'<DataArray type="Float64" Name="{name}" NumberOfComponents="3" format="ascii">{rows}</DataArray>'
 
 
-def _numbers(parent: xml.Element, name: str, numbers: NDArray[np.int64]) -> None:
-    kind = "UInt8" if name == "types" else "Int64"
-    xml.SubElement(parent, "DataArray", type=kind, Name=name, format="ascii").text = " ".join(
-        map(str, numbers.tolist())
-    )
+def _numbers(name: str, numbers: Sequence[int], kind: str = "Int64") -> str:
+    return f'<DataArray type="{kind}" Name="{name}" format="ascii">{" ".join(map(str, numbers))}</DataArray>'

@@ -1,84 +1,90 @@
 """Loads on the bodies of a solution at each output: loads and connectors as forces and moments, weights."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import unknown_kind
-from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, free_of, name_of
+from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, free_of
 from anctmm.model.drives import tabulate
+from anctmm.model.expressions import QUARTER_TURN
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, load_text, width_of
 from anctmm.model.places import Place
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Action:
-    """A force and a moment on a place.
-
-    Parameters
-    ----------
-    place : Place
-    force : ndarray, shape (n, 2)
-        N.
-    moment : ndarray, shape (n,)
-        N m, counter-clockwise.
-    """
+class Action(NamedTuple):
+    """A force, (n, 2), N, and a moment, (n,), N m counter-clockwise, on a place."""
 
     place: Place
-    force: Array
-    moment: Array
+    force: Any
+    moment: Any
 
 
-def actions_on(solution: Any, body: str) -> list[Action]:
+def actions_on(solution: Any, body: str) -> Iterator[Action]:
     """Loads and connectors on places of a body."""
-    return [action for action in actions_of(solution) if action.place.body.name == body]
-
-
-def actions_of(solution: Any) -> Iterator[Action]:
-    """Loads on places, and connectors, of a whole solution."""
-    for load in solution.scene.loads:
-        match load:
-            case Force():
-                place, values = solution.scene.place(load.end), values_of(solution, load)
-                if load.follower:
-                    values = _turned(values, turn_since_placed(solution, load.end))
-                yield Action(place, values, np.zeros(len(values)))
-            case Torque():
-                values = values_of(solution, load)
-                yield Action(solution.scene.place(load.end), np.zeros((len(values), 2)), values[:, 0])
-            case LineLoad():
-                pass  # not on a place: `along`
-            case _:
-                raise unknown_kind("load", load, LOADS)
-    for connector in solution.scene.connectors:
-        yield from _of_connector(solution, connector)
+    scene = solution.scene
+    for load in scene.loads:
+        if not isinstance(load, LineLoad) and scene.place(load.end).body.name == body:  # else see `along`
+            yield _of_load(solution, load)
+    for connector in scene.connectors:
+        places = (end for end in ends_of(scene, connector) if isinstance(end, Place))
+        if any(place.body.name == body for place in places):
+            yield from (one for one in _of_connector(solution, connector) if one.place.body.name == body)
 
 
 def along(solution: Any, body: str) -> Array:
     """Forces per undeformed length of a beam: its weight and line loads, (n, 2), N/m."""
     scene, beam = solution.scene, solution.scene.beam(body)
-    density = beam.material.density * beam.section.area
-    total = np.outer(_factors(solution), density * np.asarray(scene.gravity))
+    total = np.outer(_factors(solution), beam.mass / beam.length * np.asarray(scene.gravity))
     for load in scene.loads:
         if isinstance(load, LineLoad) and load.body == body:
-            total += values_of(solution, load)
+            total += _values(solution, load)
     return total
 
 
-def values_of(solution: Any, load: Load) -> Array:
+def _of_load(solution: Any, load: Load) -> Action:
+    values, none = _values(solution, load), np.zeros((len(solution.t), 2))
+    match load:
+        case Force():
+            if load.follower:
+                angle = turn_since_placed(solution, load.end)[:, None]
+                values = np.cos(angle) * values + np.sin(angle) * (values @ QUARTER_TURN.T)
+            return Action(solution.scene.place(load.end), values, none[:, 0])
+        case Torque():
+            return Action(solution.scene.place(load.end), none, values[:, 0])
+        case _:
+            raise unknown_kind("load", load, LOADS)  # type: ignore[arg-type]
+
+
+def _values(solution: Any, load: Load) -> Array:
     """Value of a load at each output, (n, numbers); in statics a part of what it is at t = 0."""
     width, n = width_of(load), len(solution.t)
-    if callable(load.value):
-        t = np.zeros(n) if solution.static else solution.t
-        values = tabulate(load_text(load), load.value, t, width).reshape(n, width)
-    else:
-        values = np.tile(np.atleast_1d(np.asarray(load.value, dtype=float)), (n, 1))
-    return values * _factors(solution)[:, None]
+    values: Any = np.atleast_1d(np.asarray(load.value, dtype=float)) if not callable(load.value) else None
+    if values is None:
+        t = 0.0 * solution.t if solution.static else solution.t
+        values = tabulate(load_text(load), load.value, t, width)  # type: ignore[arg-type]
+    return np.broadcast_to(values, (n, width)) * _factors(solution)[:, None]
+
+
+def _of_connector(solution: Any, connector: Connector) -> Iterator[Action]:
+    tension, (first, second) = tension_of(solution, connector), ends_of(solution.scene, connector)
+    none = np.zeros((len(tension), 2))
+    match connector:
+        case Spring():
+            pull = tension[:, None] * _line(solution, connector)[2]
+            yield Action(first, pull, none[:, 0])
+            if isinstance(second, Place):
+                yield Action(second, -pull, none[:, 0])
+        case RotationalSpring():
+            if isinstance(second, Place):
+                yield Action(first, none, tension)
+            yield Action(second if isinstance(second, Place) else first, none, -tension)
+        case _:
+            raise unknown_kind("connector", connector, CONNECTORS)
 
 
 def tension_of(solution: Any, connector: Connector) -> Array:
@@ -89,9 +95,8 @@ def tension_of(solution: Any, connector: Connector) -> Array:
     value, rate = _stretch(solution, connector)
     reference = _as_placed(solution, connector)
     if not solution.static:
-        return np.array(
-            [_answer(connector, reference, *x) for x in zip(value, rate, solution.t, strict=True)]
-        )
+        series = zip(value, rate, solution.t, strict=True)
+        return np.array([_answer(connector, reference, *x) for x in series])
     before = _answer(connector, reference, reference, 0.0, 0.0)
     found = np.array([_answer(connector, reference, x, 0.0, 0.0) for x in value])
     return found - (1.0 - solution.t) * before
@@ -106,24 +111,13 @@ def _answer(connector: Connector, reference: float, value: float, rate: float, t
     return connector.stiffness * more + connector.damping * rate + connector.preload
 
 
-def _of_connector(solution: Any, connector: Connector) -> Iterator[Action]:
-    tension, (first, second) = tension_of(solution, connector), ends_of(solution.scene, connector)
-    none = np.zeros(len(tension))
-    match connector:
-        case Spring():
-            pull = tension[:, None] * _line(solution, connector)[2]
-            yield Action(first, pull, none)
-            if isinstance(second, Place):
-                yield Action(second, -pull, none)
-        case RotationalSpring():
-            still = np.zeros((len(tension), 2))
-            if isinstance(second, Place):
-                yield Action(first, still, tension)
-                yield Action(second, still, -tension)
-            else:
-                yield Action(first, still, -tension)
-        case _:
-            raise unknown_kind("connector", connector, CONNECTORS)
+def _stretch(solution: Any, connector: Connector) -> tuple[Array, Array]:
+    """What a connector's law works on, before its free value is taken off, and its rate, each (n,)."""
+    if isinstance(connector, Spring):
+        return _line(solution, connector)[:2]
+    angles = [turn_since_placed(solution, place) for place in connector.places]
+    rates = [0.0 * angles[0] if solution.static else solution.spin(place) for place in connector.places]
+    return (angles[0], rates[0]) if len(angles) == 1 else (angles[1] - angles[0], rates[1] - rates[0])
 
 
 def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
@@ -132,10 +126,9 @@ def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
     At distance 0 there is no direction, and no rate: it jumps there from −v to v. The solver has the same.
     """
     here, speed = _motion(solution, spring.first)
-    if spring.ground is not None:
-        there, faster = np.asarray(spring.ground), np.zeros_like(speed)
-    else:
-        there, faster = _motion(solution, spring.second)
+    there, faster = (
+        _motion(solution, spring.second) if spring.ground is None else (np.asarray(spring.ground), 0.0)
+    )
     apart = there - here
     distance = np.hypot(*apart.T)
     direction = np.divide(apart, distance[:, None], out=np.zeros_like(apart), where=distance[:, None] > 0.0)
@@ -144,27 +137,7 @@ def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
 
 def _motion(solution: Any, place: Any) -> tuple[Array, Array]:
     position = solution.position(place)
-    return position, np.zeros_like(position) if solution.static else solution.velocity(place)
-
-
-def _stretch(solution: Any, connector: Connector) -> tuple[Array, Array]:
-    """What a connector's law works on, before its free value is taken off, and its rate, each (n,)."""
-    match connector:
-        case Spring():
-            distance, rate, _ = _line(solution, connector)
-            return distance, rate
-        case RotationalSpring():
-            found = [_turn(solution, place) for place in connector.places]
-            if len(found) == 1:
-                return found[0]
-            return found[1][0] - found[0][0], found[1][1] - found[0][1]
-        case _:
-            raise unknown_kind("connector", connector, CONNECTORS)
-
-
-def _turn(solution: Any, place: Any) -> tuple[Array, Array]:
-    angle = turn_since_placed(solution, place)
-    return angle, np.zeros_like(angle) if solution.static else solution.spin(place)
+    return position, 0.0 * position if solution.static else solution.velocity(place)
 
 
 def turn_since_placed(solution: Any, place: Any) -> Array:
@@ -178,15 +151,10 @@ def _as_placed(solution: Any, connector: Connector) -> float:
     if isinstance(connector, RotationalSpring):
         return 0.0
     first, second = ends_of(solution.scene, connector)
-    there = second.position if isinstance(second, Place) else second
-    assert there is not None, name_of(connector)
+    there: Any = second.position if isinstance(second, Place) else second
     return float(np.hypot(*np.subtract(there, first.position)))
 
 
 def _factors(solution: Any) -> Array:
+    """Parts of the load that act at the outputs, (n,)."""
     return np.asarray(solution.t) if solution.static else np.ones(len(solution.t))
-
-
-def _turned(vectors: Array, angle: Array) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=1)

@@ -1,112 +1,228 @@
-"""Reactions of joints: their forces on the places that they hold, from the equilibrium of the bodies.
+"""Reactions of joints: what they exert on the places that they hold, from the equilibrium of bodies.
 
-The total force on an end of a flexible beam is known (`section_forces`); that on a rigid body, or on a beam of element
-"rigid", is m r̈ and I θ̈ less the other loads on it (`rigid`). Joints that share a place or a rigid body are solved
-together, once for all of them (`reaction_equations`).
+A joint exerts Jᵀλ, J the derivatives of its equations by the vectors of its places and λ their multipliers. At the
+nodes of a beam that joints act on, and for each rigid body, the sum of these is known: inertia and elastic forces less
+all that acts otherwise. These are more equations than multipliers, and what a solution has of a body's accelerations is
+not exact: an error δ of them is a force m δ in its equation, as large as all that a body of a millionth of its mass
+bears. So the sum of |m r̈ − F − Jᵀλ|² / m is made the least. That is Gauss' principle of least constraint (J. reine
+angew. Math. 4, 1829, 232-235), by which errors along what joints leave free are no forces. Multipliers of joints that
+repeat each other are not determined; of all that balance, the least are found.
 """
 
-from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from anctmm.errors import ResultError, UnknownNameError, shown
-from anctmm.model.joints import Guide, Joint
-from anctmm.model.topology import Sets
-from anctmm.results.internal_forces.reaction_equations import JointForces, joint_forces
-from anctmm.results.internal_forces.rigid import is_rigid
+from anctmm.errors import ResultError
+from anctmm.model.bodies import Beam, Body
+from anctmm.model.places import Place
+from anctmm.results.fields import NodalField
+from anctmm.results.internal_forces.actions import actions_on, along
+from anctmm.results.internal_forces.section_forces import HeldBeam, cross
+from anctmm.results.joint_rows import SLOTS, JointAtOutputs, Row, rigid_bodies
 
 Array = NDArray[np.float64]
 
+#: Regularisation of the multipliers, of the diagonal, and passes that take off what it leaves.
+REGULARISATION, PASSES = 1e-8, 6
+#: Distance from a node, in lengths of an element, at which a place is the node.
+AT_NODE = 1e-9
 
-class Reactions:
-    """Reactions of the joints of one solution, those of joints that hang together found at once.
 
-    It does not hold the solution, which holds it: its memory is free as soon as nobody needs it.
+def reactions_of(solution: Any) -> list[Array]:
+    """What each joint of a scene exerts on its first place, (n, 3): N, N, N m, in fixed axes.
 
     Parameters
     ----------
     solution : Solution
+
+    Returns
+    -------
+    list of ndarray, shape (n, 3)
+        Force along x and y, and the moment, counter-clockwise.
+
+    Raises
+    ------
+    ResultError
+        If the solution does not have what reactions are found from.
     """
+    rigid = rigid_bodies(solution)
+    joints = [JointAtOutputs(solution, joint, rigid) for joint in solution.scene.joints]
+    rows = [list(joint.rows()) for joint in joints]
+    equations = _Equations(solution)
+    for joint, own in zip(joints, rows, strict=True):
+        for row in own:
+            equations.add(joint, row)
+    multipliers, first, found = equations.multipliers(), 0, []
+    for joint, own in zip(joints, rows, strict=True):
+        total = np.zeros((len(solution.t), 3))
+        for row in own:
+            count = row.value.shape[1]
+            total += _on_first_place(joint, row, multipliers[:, first : first + count])
+            first += count
+        found.append(total)
+    return found
+
+
+def _on_first_place(joint: JointAtOutputs, row: Row, multipliers: Array) -> Array:
+    """Force and moment of one equation of a joint on its first place, (n, 3)."""
+    found = np.zeros((len(multipliers), 3))
+    for slot in range(SLOTS):
+        if slot in row.slopes:
+            force = np.einsum("nr,nrc->nc", multipliers, row.slopes[slot])
+            if slot == 0:
+                found[:, :2] += force
+            else:
+                found[:, 2] += cross(joint.vectors[slot], force)
+    return found
+
+
+class _Equations:
+    """Equilibrium of nodes and rigid bodies, linear in the multipliers, at all outputs."""
 
     def __init__(self, solution: Any) -> None:
-        joints = solution.scene.joints
-        if solution.scene.own_joints:
-            raise ResultError(
-                f"reactions of scene {solution.scene.name!r} are not known, which has "
-                f"{solution.scene.own_joints[0]!r}: they are of scenes whose joints are all of the package's kinds"
-            )
-        self._numbers = {id(joint): k for k, joint in enumerate(joints)}
-        self._holders = [list(_holders(solution, joint)) for joint in joints]
-        self._together = _together(self._holders)
-        self._found: dict[int, JointForces] = {}
+        self.solution, self.count = solution, 0
+        self.beams: dict[str, HeldBeam] = {}
+        self.number: dict[Any, int] = {}
+        self.sums, self.masses = list[Array](), list[float]()
+        self.at, self.factors = list[tuple[int, int]](), list[Array]()
 
-    def of(self, solution: Any, joint: Joint) -> Array:
-        """What a joint exerts on its first place, (n, 3): N, N, N m, in fixed axes.
+    def add(self, joint: JointAtOutputs, row: Row) -> None:
+        """One more equation of a joint, with multipliers of its own."""
+        for vector, slope in row.slopes.items():
+            place = joint.places[vector // SLOTS]
+            if not isinstance(place, Place):
+                continue
+            if place.body.name in joint.rigid:
+                self._add_rigid(joint, vector, slope, place)
+            else:
+                self._add_beam(vector % SLOTS, slope, place)
+        self.count += row.value.shape[1]
 
-        Parameters
-        ----------
-        solution : Solution
-            The same.
-        joint : Pin, Weld, Clamp, Slider or Prismatic
-            Of the scene.
+    def _put(self, equation: int, factors: Array) -> None:
+        """Factors of the multipliers at hand, (n, rows), in an equation."""
+        for k in range(factors.shape[1]):
+            self.at.append((equation, self.count + k))
+            self.factors.append(factors[:, k])
 
-        Returns
-        -------
-        ndarray, shape (n, 3)
-            Force along x and y, and the moment, counter-clockwise. Of a joint of several places that is grounded it is
-            what the ground and the other places exert together; a pin of its own at one of these places tells the
-            support's.
+    def _add_rigid(self, joint: JointAtOutputs, vector: int, slope: Array, place: Place) -> None:
+        """In the sums of forces and moments on a rigid body."""
+        name = place.body.name
+        if name not in self.number:
+            self.number[name] = len(self.sums)
+            force, moment = _held(self.solution, name)
+            self.sums += [force[:, 0], force[:, 1], moment]
+            self.masses += [place.body.mass, place.body.mass, inertia_of(place.body) or 1.0]
+        first = self.number[name]
+        arm = joint.vectors[vector]
+        if vector % SLOTS == 0:
+            arm = arm - _center(self.solution, place.body)
+            self._put(first, slope[:, :, 0])
+            self._put(first + 1, slope[:, :, 1])
+        turning = arm[:, None, 0] * slope[:, :, 1] - arm[:, None, 1] * slope[:, :, 0]
+        if inertia_of(place.body):  # a point mass bears no moment
+            self._put(first + 2, turning)
 
-        Raises
-        ------
-        UnknownNameError
-            If the joint is not of the scene.
-        ResultError
-            If the solution does not have what reactions are found from, or the joints repeat each other among rigid
-            bodies, so that equilibrium alone does not determine their forces.
-        """
-        number = self._numbers.get(id(joint))
-        if number is None:
-            number = _equal(solution.scene, joint)
-        if number not in self._found:
-            together = self._together[number]
-            found = joint_forces(solution, self._holders, together)
-            self._found |= dict.fromkeys(together, found)
-        found = self._found[number]
-        at = found.first[number]
-        if found.unknown[:, at : at + 3].any():
-            raise ResultError(
-                "joints of rigid bodies are redundant here: equilibrium does not determine how they share their "
-                "forces; a flexible body is needed among them"
-            )
-        return found.forces[:, at : at + 3].copy()
+    def _add_beam(self, slot: int, slope: Array, place: Place) -> None:
+        """In those of the vectors of nodes that a vector of a place of a beam is made of."""
+        name = place.body.name
+        if name not in self.beams:
+            self.beams[name] = HeldBeam(self.solution, name)
+        beam = self.beams[name]
+        vectors = beam.q.shape[2]
+        for node, weights in _nodes(beam, slot, float(place.key)):
+            if (name, node) not in self.number:
+                self._begin(beam, node)
+            first = self.number[name, node]
+            for k in range(vectors):
+                if weights[k]:
+                    for c in (0, 1):
+                        self._put(first + 2 * k + c, weights[k] * slope[:, :, c])
+
+    def _begin(self, beam: HeldBeam, node: int) -> None:
+        """Write down the sums of the generalized forces on a node."""
+        self.number[beam.name, node] = len(self.sums)
+        held, half = beam.at_node(node), beam.q.shape[2]
+        mass = np.diag(beam.element.mass)
+        mass = (mass[half:] if node > 0 else 0.0) + (mass[:half] if node < beam.count else 0.0)
+        for k in range(half):
+            self.sums += [held[:, k, 0], held[:, k, 1]]
+            self.masses += [float(mass[k])] * 2
+
+    def multipliers(self) -> Array:
+        """All multipliers, (n, count)."""
+        outputs = len(self.solution.t)
+        found = np.zeros((outputs, self.count))
+        if not self.factors:
+            return found
+        rows, columns = np.array(self.at).T
+        factors, right, light = np.array(self.factors), np.array(self.sums), 1.0 / np.array(self.masses)
+        for n in range(outputs):
+            A = scipy.sparse.csc_array((factors[:, n], (rows, columns)), shape=(len(right), self.count))
+            found[n] = _least_squares(A, right[:, n], light)
+        return found
 
 
-def _equal(scene: Any, joint: Joint) -> int:
-    """Number of the joint of a scene that is equal to one."""
-    if joint not in scene.joints:
-        raise UnknownNameError(
-            f"joint {shown(joint)} is not in scene {scene.name!r}; one of `scene.joints` is needed, which has "
-            f"{len(scene.joints)}"
+def _least_squares(A: Any, right: Array, weight: Array) -> Array:
+    """x of the least Σ weight (right − A x)², and of these the least."""
+    weighted = A.T @ scipy.sparse.diags_array(weight)
+    S = scipy.sparse.csc_array(weighted @ A)
+    size = S.diagonal()
+    soft = scipy.sparse.diags_array(np.where(size > 0.0, REGULARISATION * size, 1.0))
+    factors, x = scipy.sparse.linalg.splu(scipy.sparse.csc_array(S + soft)), np.zeros(len(size))
+    for _ in range(PASSES):
+        x += factors.solve(weighted @ (right - A @ x))
+    return x
+
+
+def _nodes(beam: HeldBeam, slot: int, fraction: float) -> list[tuple[int, Array]]:
+    """Nodes of whose vectors a vector of a place is made, each with the weights of these."""
+    place, half = fraction * beam.count, beam.q.shape[2]
+    node = round(place)
+    if abs(place - node) <= AT_NODE:
+        return [(node, np.eye(half)[slot])]
+    number, element = int(place), beam.element
+    x = place - number
+    weights = element.turning(x)[0] if slot == 2 else element.axis(x, slot)[0]
+    return [(number, weights[:half]), (number + 1, weights[half:])]
+
+
+def inertia_of(body: Body) -> float:
+    """Moment of inertia about the centre of mass of a body that does not bend, kg m²; 0 of a point mass."""
+    return body.mass * body.length**2 / 12.0 if isinstance(body, Beam) else getattr(body, "inertia", 0.0)
+
+
+def _center(solution: Any, body: Body) -> Array:
+    """Centre of mass, (n, 2), m."""
+    return np.asarray(solution.fields[body.name].position(0.5 if isinstance(body, Beam) else "center"))
+
+
+def _held(solution: Any, name: str) -> tuple[Array, Array]:
+    """Force (n, 2) and moment about its centre (n,) on a rigid body of all that is no load, weight or connector.
+
+    Raises
+    ------
+    ResultError
+        If the solution has no accelerations.
+    """
+    body, field = solution.scene.body(name), solution.fields[name]
+    if not isinstance(field, NodalField) or (field.accelerations is None and not solution.static):
+        raise ResultError(
+            f"reactions at {name!r} need accelerations, which solver {solution.solver!r} does not keep"
         )
-    return scene.joints.index(joint)  # type: ignore[no-any-return]
-
-
-def _together(holders: Sequence[Sequence[tuple[str, Any]]]) -> dict[int, list[int]]:
-    """Of each joint those that share a place or a rigid body with it, directly or through others."""
-    sets = Sets[tuple[str, Any]]()
-    for k, held in enumerate(holders):
-        for holder in held:
-            sets.unite(("joint", k), holder)
-    groups = sets.among([("joint", k) for k in range(len(holders))])
-    return {k: [n for _, n in group] for group in groups for _, k in group}
-
-
-def _holders(solution: Any, joint: Joint) -> Iterator[tuple[str, Any]]:
-    """Places of beams that bend, and whole rigid bodies, that a joint acts on."""
-    for place in map(solution.scene.place, joint.ends):
-        yield (place.body.name, "") if is_rigid(solution, place.body) else place.end
-    if isinstance(joint, Guide) and joint.body is not None:
-        yield joint.body, ""
+    q, a = field.coordinates, field.accelerations
+    a = np.zeros_like(q) if a is None else a
+    if isinstance(body, Beam):  # both of its nodes have r, and r_x, a unit vector that turns with it
+        force = body.mass * a[:, :, 0].mean(axis=1) - body.length * along(solution, name)
+        turning = cross(q[:, 0, 1], a[:, 0, 1])
+    else:
+        factor = solution.t if solution.static else np.ones(len(q))
+        force = body.mass * (a[:, 0] - np.outer(factor, solution.scene.gravity))
+        turning = cross(q[:, -1], a[:, -1])
+    center, moment = _center(solution, body), inertia_of(body) * turning
+    for action in actions_on(solution, name):
+        force = force - action.force
+        moment = moment - action.moment - cross(field.position(action.place.key) - center, action.force)
+    return force, moment

@@ -11,7 +11,6 @@ inertia ρA r̈ of the element's own motion, and a section in between follows fr
 F_k, M_k act at or beyond the section; what acts on the very start acts before it.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 from typing import Any
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elements.kinds import Element, kind_of
+from anctmm.elements.kinds import kind_of
 from anctmm.elements.shapes import gauss
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import ResultError
@@ -49,162 +48,140 @@ def section_force(solution: Any, body: str, fraction: float) -> Array:
     ResultError
         If the solution is not one of ANCF elements with accelerations, or the body is rigid.
     """
-    count = element_count(solution, body)
-    number = max(ceil(fraction * count - 1e-12) - 1, 0)
-    element = HeldElement(solution, body, number)
-    x = fraction * count - number
-    force, moment = element.beyond(x)
-    tangent = element.slope(x)
+    beam = HeldBeam(solution, body)
+    number = beam.element_at(fraction)
+    x = fraction * beam.count - number
+    force, moment = HeldElement(beam, number).beyond(x)
+    tangent = np.einsum("i,nic->nc", beam.element.axis(x, 1)[0], beam.of_element(beam.q, number))
     tangent = tangent / np.hypot(*tangent.T)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    return np.stack(
-        [np.einsum("nc,nc->n", tangent, force), np.einsum("nc,nc->n", normal, force), moment], axis=1
-    )
+    return np.stack([(tangent * force).sum(axis=1), (normal * force).sum(axis=1), moment], axis=1)
 
 
-def element_count(solution: Any, body: str) -> int:
-    """Elements of a beam.
+class HeldBeam:
+    """A beam of elements that bend over all outputs, and what holds its nodes.
+
+    Parameters
+    ----------
+    solution : Solution
+    name : str
 
     Raises
     ------
     ResultError
         If the solution does not have what section forces are found from.
     """
-    field = solution.fields.get(body)
-    ours = isinstance(field, HermiteField) and not isinstance(field, InterpolatedField)
-    if not ours or solution.run is None:
-        raise ResultError(
-            f"section forces of {body!r} are not known by solver {solution.solver!r}: ANCF elements are needed"
+
+    def __init__(self, solution: Any, name: str) -> None:
+        field = solution.fields.get(name)
+        ours = isinstance(field, HermiteField) and not isinstance(field, InterpolatedField)
+        if not ours or solution.run is None:
+            raise ResultError(
+                f"section forces of {name!r} are not known by solver {solution.solver!r}: ANCF elements are needed"
+            )
+        self.count, kind = field.coordinates.shape[1] - 1, kind_of(solution.run.of(solution.scene)[name][1])
+        if kind.rigid:
+            raise ResultError(
+                f"section forces of {name!r} are not known: it is rigid; elements that bend are needed"
+            )
+        if field.accelerations is None and not solution.static:
+            raise ResultError(
+                f"section forces of {name!r} need accelerations, which solver {solution.solver!r} does not keep"
+            )
+        self.solution, self.name, self.body = solution, name, solution.scene.beam(name)
+        self.element = kind.element_of(self.body, self.count, solution.run.quadrature)
+        #: Coordinates and their rates, (n, nodes, vectors, 2), 0 where there is none.
+        self.q = field.coordinates
+        self.v, self.a = (
+            np.zeros_like(self.q) if x is None else x for x in (field.velocities, field.accelerations)
         )
-    kind = kind_of(solution.run.of(solution.scene)[body][1])
-    if kind.rigid:
-        raise ResultError(
-            f"section forces of {body!r} are not known: it is rigid; elements that bend are needed"
-        )
-    if field.accelerations is None and not solution.static:
-        raise ResultError(
-            f"section forces of {body!r} need accelerations, which solver {solution.solver!r} does not keep"
-        )
-    return field.coordinates.shape[1] - 1
+        self._holding: dict[int, Array] = {}
 
+    def element_at(self, fraction: float) -> int:
+        """Element of a place; at a node between two elements the first."""
+        return max(ceil(fraction * self.count - 1e-12) - 1, 0)
 
-@dataclass(frozen=True)
-class HeldElement:
-    """One element of a beam over all outputs, and what holds it.
-
-    Parameters
-    ----------
-    solution : Solution
-    body : str
-    number : int
-    """
-
-    solution: Any
-    body: str
-    number: int
+    def of_element(self, series: Array, number: int) -> Array:
+        """Vectors of both nodes of an element, (n, vectors, 2)."""
+        return series[:, number : number + 2].reshape(len(series), -1, 2)
 
     @cached_property
-    def element(self) -> Element:
-        """The readable element."""
-        run, scene = self.solution.run, self.solution.scene
-        count, name = run.of(scene)[self.body]
-        return kind_of(name).element_of(scene.beam(self.body), count, run.quadrature)
-
-    def _nodes(self, series: Array | None) -> Array:
-        """Of both nodes, (n, rows, 2); 0 where there is none."""
-        field = self.solution.fields[self.body]
-        found = np.zeros_like(field.coordinates) if series is None else series
-        pair = found[:, self.number : self.number + 2]
-        return pair.reshape(len(pair), -1, 2)
-
-    @cached_property
-    def q(self) -> Array:
-        """Coordinates, (n, rows, 2)."""
-        return self._nodes(self.solution.fields[self.body].coordinates)
-
-    @cached_property
-    def a(self) -> Array:
-        """Accelerations, like q."""
-        return self._nodes(self.solution.fields[self.body].accelerations)
-
-    @property
-    def half(self) -> int:
-        """Vectors of a node."""
-        return self.q.shape[1] // 2
-
-    @property
-    def points(self) -> int:
-        """Gauss points of the integrals: (r(s) − r) × r̈ is of twice the degree of the axis."""
-        return self.element.degree + 1
-
-    @cached_property
-    def actions(self) -> list[tuple[float, Action]]:
-        """What acts on places of the element, each with ξ; on a node between two elements it acts on the first."""
-        count = element_count(self.solution, self.body)
-        found = []
-        for action in actions_on(self.solution, self.body):
-            place = float(action.place.key) * count
-            if max(ceil(place - 1e-12) - 1, 0) == self.number:
-                found.append((place - self.number, action))
+    def actions(self) -> dict[int, list[tuple[float, Action]]]:
+        """What acts on places of each element, with ξ."""
+        found: dict[int, list[tuple[float, Action]]] = {}
+        for action in actions_on(self.solution, self.name):
+            number = self.element_at(float(action.place.key))
+            found.setdefault(number, []).append((float(action.place.key) * self.count - number, action))
         return found
 
     @cached_property
     def load(self) -> Array:
-        """Forces along the element, (n, 2), N/m."""
-        return along(self.solution, self.body)
+        """Forces along the beam, (n, 2), N/m."""
+        return along(self.solution, self.name)
 
-    @cached_property
-    def holding(self) -> Array:
-        """R: generalized forces that hold the element in its motion, (n, rows, 2)."""
+    def holding(self, number: int) -> Array:
+        """R: generalized forces that hold an element in its motion, (n, vectors, 2)."""
+        if number not in self._holding:
+            self._holding[number] = self._held(number)
+        return self._holding[number]
+
+    def _held(self, number: int) -> Array:
         element = self.element
-        v = self._nodes(self.solution.fields[self.body].velocities)
-        R = np.stack([element.force(q) for q in self.q])
+        q, v, a = (self.of_element(x, number) for x in (self.q, self.v, self.a))
+        R = np.stack([element.force(x) for x in q])
         if element.damping and not self.solution.static:
-            R += np.stack([element.damping_force(q, w) for q, w in zip(self.q, v, strict=True)])
-        R += np.einsum("ij,njc->nic", element.mass, self.a)
-        R -= np.einsum("i,nc->nic", element.load, self.load)
-        for x, action in self.actions:
+            R += np.stack([element.damping_force(x, y) for x, y in zip(q, v, strict=True)])
+        R += np.einsum("ij,njc->nic", element.mass, a) - np.einsum("i,nc->nic", element.load, self.load)
+        for x, action in self.actions.get(number, []):
             R -= np.einsum("i,nc->nic", element.axis(x)[0], action.force)
             weight = element.turning(x)[0]
-            g = np.einsum("i,nic->nc", weight, self.q)
+            g = np.einsum("i,nic->nc", weight, q)
             turned = np.stack([-g[:, 1], g[:, 0]], axis=1) / np.einsum("nc,nc->n", g, g)[:, None]
             R -= np.einsum("i,n,nc->nic", weight, action.moment, turned)
         return R
 
-    def at_node(self, side: int) -> tuple[Array, Array]:
-        """Force (n, 2) and moment (n,) that hold the element at its node I (0) or O (1)."""
-        R = self.holding[:, side * self.half : (side + 1) * self.half]
-        q = self.q[:, side * self.half : (side + 1) * self.half]
-        return R[:, 0], sum(cross(q[:, k], R[:, k]) for k in range(1, self.half))  # type: ignore[return-value]
+    def at_node(self, node: int) -> Array:
+        """Generalized forces on a node of all but its beam, (n, vectors, 2)."""
+        half = self.q.shape[2]
+        before = self.holding(node - 1)[:, half:] if node > 0 else 0.0
+        return np.asarray(before + (self.holding(node)[:, :half] if node < self.count else 0.0))
 
-    def place(self, x: float) -> Array:
-        """Positions at ξ, (n, 2)."""
-        return self._along(self.q, x)
 
-    def slope(self, x: float) -> Array:
-        """Slope of the axis at ξ, (n, 2)."""
-        return np.einsum("i,nic->nc", self.element.axis(x, 1)[0], self.q)
+class HeldElement:
+    """The part of one element beyond a section.
+
+    Parameters
+    ----------
+    beam : HeldBeam
+    number : int
+    """
+
+    def __init__(self, beam: HeldBeam, number: int) -> None:
+        self.beam, self.element = beam, beam.element
+        self.q, self.a = (beam.of_element(x, number) for x in (beam.q, beam.a))
+        self.actions, self.holding = beam.actions.get(number, []), beam.holding(number)
 
     def _along(self, series: Array, x: float) -> Array:
         return np.einsum("i,nic->nc", self.element.axis(x)[0], series)
 
     def beyond(self, x: float) -> tuple[Array, Array]:
         """Force (n, 2) and moment (n,) of what lies beyond ξ = x on what lies before."""
-        element, here = self.element, self.place(x)
-        force, moment = self.at_node(1)
-        total, turning = force.copy(), moment + cross(self.place(1.0) - here, force)
+        here, half = self._along(self.q, x), self.q.shape[1] // 2
+        q, R = self.q[:, half:], self.holding[:, half:]
+        total = R[:, 0].copy()
+        turning = cross(q[:, 0] - here, R[:, 0]) + sum(cross(q[:, k], R[:, k]) for k in range(1, half))
         for y, action in self.actions:
             if y >= x - 1e-12 and y > 0.0:
                 total += action.force
-                turning = turning + action.moment + cross(self.place(y) - here, action.force)
-        body = self.solution.scene.beam(self.body)
-        density, section = body.material.density, body.section
-        for y, w in zip(*gauss(self.points), strict=True):
-            s, ds = x + (1.0 - x) * y, (1.0 - x) * w * element.l
-            pull = self.load - density * section.area * self._along(self.a, s)
+                turning = turning + action.moment + cross(self._along(self.q, y) - here, action.force)
+        density, section = self.beam.body.material.density, self.beam.body.section
+        # (r(s) − r) × r̈ is of twice the degree of the axis
+        for y, w in zip(*gauss(self.element.degree + 1), strict=True):
+            s, ds = x + (1.0 - x) * y, (1.0 - x) * w * self.element.l
+            pull = self.beam.load - density * section.area * self._along(self.a, s)
             total += ds * pull
-            turning = turning + ds * cross(self.place(s) - here, pull)
-            if isinstance(element, ShearElement):
+            turning = turning + ds * cross(self._along(self.q, s) - here, pull)
+            if isinstance(self.element, ShearElement):
                 d, dd = ((1.0 - s) * z[:, 2] + s * z[:, 5] for z in (self.q, self.a))
                 turning = turning - ds * density * section.second_moment * cross(d, dd)
         return total, turning

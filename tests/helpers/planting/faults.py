@@ -56,7 +56,7 @@ FAULTS = (
     Fault("section forces", FORCES + "section_forces", "HeldElement.beyond", flip(1)),
     Fault("reactions", FORCES + "actions", "_of_connector", replace("-pull", "pull")),
     Fault("reactions", FORCES + "actions", "_of_connector", replace("-tension", "tension")),
-    Fault("reactions", FORCES + "rigid", "inertia_of", replace("12.0", "3.0")),
+    Fault("reactions", FORCES + "reactions", "inertia_of", replace("12.0", "3.0")),
     Fault("comparisons", RESULTS + "metrics", "history_error", replace("difference**2", "difference")),
     Fault("comparisons", RESULTS + "metrics", "compare", replace("largest / scale", "largest")),
     Fault("saved runs", RESULTS + "export.plain_data", "_value", scale("arrays[content].copy()", 2.0)),

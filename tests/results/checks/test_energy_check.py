@@ -8,7 +8,6 @@ from samples import bar
 
 import anctmm as at
 from anctmm.results.checks.divergence import checked
-from anctmm.results.checks.energy import absorbed
 from anctmm.results.solution import Energy
 from reference import global_dae
 from studies.scenes import cantilever_fall, four_bar
@@ -28,7 +27,6 @@ def steel_bar(spin=0.0, torque=0.0, material=STEEL):
 MADE = {
     "spinning": (lambda: steel_bar(50.0), {"mesh": 1, "dt": 1e-2}),
     "spinning, few outputs": (lambda: steel_bar(50.0), {"mesh": 1, "dt": 1e-2, "output_dt": 1.0}),
-    "spinning, more damping": (lambda: steel_bar(50.0), {"mesh": 4, "dt": 1e-2, "spectral_radius": 0.8}),
     "softer": (
         lambda: steel_bar(50.0, material=at.Material(E=1e7, density=7850.0)),
         {"mesh": 4, "dt": 1e-2, "spectral_radius": 0.8},
@@ -51,7 +49,7 @@ def test_implicit_runs_that_make_energy_are_not_ok(what, solve):
 
 #: Coarse runs that are right: scene, coarse options, and the error that they have against steps four times smaller.
 RIGHT = {
-    "bar, a twentieth of a radian a step": (lambda: steel_bar(50.0), {"mesh": 4, "dt": 1e-3, "t_end": 0.2}),
+    "bar": (lambda: steel_bar(50.0), {"mesh": 4, "dt": 1e-3, "t_end": 0.2}),
     "torque": (lambda: steel_bar(torque=100.0), {"mesh": 4, "dt": 1e-3, "t_end": 0.5}),
     "four-bar": (lambda: four_bar().scene, {"mesh": 1, "dt": 2e-2, "t_end": 2.4}),
     "four-bar, both ends of the motion": (
@@ -158,13 +156,11 @@ def test_energy_that_a_law_takes_as_it_is_made_is_seen():
     scene = replace(steel_bar(0.1), connectors=(damper,))
     ours = at.solve(scene, mesh=1, dt=1e-6, t_end=1e-5, integrator="zhai")
     assert ours.status.ok
-    energy = Energy(zero + 1.0, zero, zero, -growing)
-    assert absorbed(energy).tolist() == [growing[k] - growing[1] > 100.0 for k in range(11)]
-    told = checked(replace(ours, energy=energy))
-    assert told.status == "diverged"
-    assert "was created by numerical error" in told.status.message
+    found = checked(replace(ours, energy=Energy(zero + 1.0, zero, zero, -growing)))
+    assert found.status == "diverged"
+    assert "was created by numerical error" in found.status.message
     at_once = Energy(zero + 1.0, zero, zero, np.where(np.arange(11) > 0, -300.0, 0.0))
-    assert not absorbed(at_once).any()
+    assert checked(replace(ours, energy=at_once)).status != "diverged"
 
 
 def test_a_law_may_give_energy():
@@ -188,3 +184,24 @@ def test_strong_dampers_beside_drives_are_ok(integrator, damping):
     assert found.status.ok, found.status
     apart = np.abs(found.displacement("tied.center")[:, 0] - slow(found.t)[0]).max()
     assert apart < 2.0 / damping + 1e-3
+
+
+def pendulum():
+    bar = at.RigidBody("bar", 1.0, 1.0 / 12.0, (0.5, 0.0), points={"a": (0.0, 0.0)})
+    return at.Scene("pendulum", [bar], [at.Pin("bar.a")], gravity=(0.0, -9.81))
+
+
+@pytest.mark.parametrize("road", [at.solve, global_dae.solve], ids=["anctmm", "global-dae"])
+@pytest.mark.parametrize(("radius", "dt"), [(0.0, 0.05), (0.5, 0.1)])
+def test_a_pendulum_that_loses_its_swing_is_inaccurate(road, radius, dt):
+    """It lost up to 2.9 J of the 4.9 J that its weight gives, status ok: half of what is exchanged was forgiven."""
+    found = road(pendulum(), dt=dt, t_end=4.0, spectral_radius=radius, output_dt=0.1)
+    assert found.energy.balance.min() < -1.0
+    assert found.status == "inaccurate"
+    assert "vanished" in str(found.status)
+
+
+def test_a_pendulum_that_keeps_its_swing_is_ok():
+    found = at.solve(pendulum(), dt=0.02, t_end=4.0, spectral_radius=0.5, output_dt=0.1)
+    assert found.status.ok
+    assert np.abs(found.energy.balance).max() < 0.1

@@ -36,7 +36,6 @@ def test_a_scene_that_is_too_far_away_says_so(road, place):
     assert not found.status.ok
     if found.status == "imprecise":
         assert n == len(here.t)
-        assert "digit" in found.status.message
         assert "closer to the origin" in found.status.message
         assert f"t = {found.t[-1]:.6g} s" in found.status.message
 
@@ -105,4 +104,3 @@ def test_what_leaves_an_equilibrium_by_little_is_told_still(change):
         scene = replace(scene, loads=[at.Force("bar.end", lambda t: (0.0, 1e-9 * t))])
     found = at.solve(scene, mesh=4, start=rest, t_end=0.1, output_dt=0.05, dt=1e-3)
     assert found.status == "imprecise"
-    assert "perhaps rounding alone" in found.status.message

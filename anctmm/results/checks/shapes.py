@@ -1,0 +1,103 @@
+"""Signs that elements have diverged although their numbers are finite: gradients beyond all bounds, inverted elements.
+
+The energy of these elements does not prevent that they turn inside out.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.elements.shapes import hermite
+from anctmm.results.checks.finding import Finding, part
+from anctmm.results.fields import Complex, HermiteField, LagrangeField, as_complex
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: A gradient longer than this is taken as divergence: no elastic beam stretches a thousandfold.
+STRETCH_LIMIT = 1e3
+#: Part of an element's length, along its gradient at an end, below which its chord makes one look along its axis; the
+#: places looked at; and the length of a gradient there at which an axis has a cusp: it is a part of a right one's 1.
+SHORTENED, PLACES, CUSP = 1.0 / 3.0, 129, 0.05
+#: Nodes times outputs that are looked at together.
+BATCH = 20_000
+
+
+def inside_out(q: Array, length: float) -> Mask:
+    """Whether elements are turned inside out.
+
+    An element with an r_y is so where r_x × r_y ≤ 0 at a node or in its middle. An axis alone has no sides: it is so
+    where it turns by more than half a circle within the element, so that it runs against its gradients at both ends, or
+    where it has a cusp: a bar under an axial load that folds back on itself balances that, too.
+
+    Parameters
+    ----------
+    q : ndarray, shape (…, nodes, 2 or 3, 2)
+        r, r_x and maybe r_y of each node.
+    length : float
+        Of an undeformed element, m.
+
+    Returns
+    -------
+    ndarray of bool, shape (…, nodes − 1)
+    """
+    z = as_complex(q)  # conj(a) b = a · b + i a × b
+    chord, a, b = z[..., 1:, 0] - z[..., :-1, 0], z[..., :-1, 1], z[..., 1:, 1]
+    along = np.array([(np.conj(chord) * a).real, (np.conj(chord) * b).real])
+    found = (along < 0.0).all(axis=0)
+    short = along.min(axis=0) < SHORTENED * length
+    found[short] |= _has_cusp(chord[short] / length, a[short], b[short])
+    if q.shape[-2] == 3:
+        sides = (np.conj(z[..., 1]) * z[..., 2]).imag
+        axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (z[..., :-1, 2] + z[..., 1:, 2])
+        middle = (np.conj(axis) * across).imag
+        found |= (sides[..., :-1] <= 0.0) | (sides[..., 1:] <= 0.0) | (middle <= 0.0)
+    return found  # type: ignore[no-any-return]
+
+
+def _has_cusp(chord: Complex, a: Complex, b: Complex) -> Mask:
+    """Whether the axis between gradients a and b, with a chord over its undeformed length, shrinks to a point."""
+    slopes = hermite(np.linspace(0.0, 1.0, PLACES), 1.0, 1)[:, 1:] @ np.array([a, chord, b])
+    return np.abs(slopes).min(axis=0) < CUSP  # type: ignore[no-any-return]
+
+
+def shape_findings(solution: Solution) -> Iterator[Finding]:
+    """The first output of each body that is stretched beyond all bounds or turned inside out."""
+    for name, field in solution.fields.items():
+        if not isinstance(field, HermiteField | LagrangeField):
+            continue
+        outputs, width = len(solution.t), solution.scene.beam(name).length
+        size = max(
+            1, BATCH // (field.coordinates if isinstance(field, HermiteField) else field.positions).shape[1]
+        )
+        for first in range(0, outputs, size):
+            wild, bad = _faults(field, slice(first, first + size), width)
+            if bad.any():
+                k = int(bad.any(axis=1).argmax())
+                stretched = bool(wild[k].any())
+                element = int((wild if stretched else bad)[k].argmax())
+                element //= field.order if isinstance(field, LagrangeField) else 1
+                yield Finding(first + k, "diverged", _message(stretched, part(name, element)), name, element)
+                break
+
+
+def _faults(field: HermiteField | LagrangeField, outputs: slice, length: float) -> tuple[Mask, Mask]:
+    """Elements, or spans between nodes, that are stretched, and those that are that or inside out, (outputs, spans)."""
+    if isinstance(field, LagrangeField):
+        r = field.positions[outputs]
+        spans = np.linalg.norm(np.diff(r, axis=1), axis=2) * (r.shape[1] - 1)
+        wild = ~(spans / length <= STRETCH_LIMIT)  # or not a number
+        return wild, wild
+    q = field.coordinates[outputs]
+    nodes = ~(np.abs(q[:, :, 1:]) <= STRETCH_LIMIT).all(axis=(2, 3))
+    wild = nodes[:, 1:] | nodes[:, :-1]
+    vectors = 3 if field.sections else 2
+    return wild, wild | inside_out(q[:, :, :vectors], field.length / (q.shape[1] - 1))
+
+
+def _message(stretched: bool, where: str) -> str:
+    if stretched:
+        return f"gradients grew beyond {STRETCH_LIMIT:g} by {{when}} in {where}; a smaller dt or smaller loads may help"
+    return f"{where} is turned inside out at {{when}}; a finer mesh, a smaller dt or smaller loads may help"

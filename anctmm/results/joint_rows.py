@@ -1,0 +1,195 @@
+"""Equations of joints at the outputs of a solution of any solver: their values, and their derivatives by places.
+
+A joint says in `equations` what is zero, as sums over vectors of its places: the position, and the vectors that turn
+with the place (r_x of a beam and r_y of a shear element, u of a rigid body). Here each place has vectors of its own, so
+that the derivatives by them, times a multiplier, are what the joint exerts on that place.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.elements.kinds import kind_of
+from anctmm.model.bodies import Beam
+from anctmm.model.drives import tabulate
+from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
+from anctmm.model.joints import Joint
+from anctmm.model.places import Place
+from anctmm.model.rigid_bodies import PointMass
+from anctmm.results.fields import HermiteField, NodalField
+
+Array = NDArray[np.float64]
+#: Vectors of a place: its position and up to two that turn with it.
+SLOTS = 3
+E_X, EYE = np.array([1.0, 0.0]), np.eye(2)
+
+
+def rigid_bodies(solution: Any) -> frozenset[str]:
+    """Names of the bodies that do not bend in a solution: beams by their elements."""
+    cut = {} if solution.run is None else solution.run.of(solution.scene)
+    bending = {body.name for body in solution.scene.beams if body.name not in cut}
+    bending |= {name for name, (_, kind) in cut.items() if not kind_of(kind).rigid}
+    return frozenset(body.name for body in solution.scene.bodies if body.name not in bending)
+
+
+def _along(body: Any) -> Array:
+    """The first vector that turns with a body, in the reference."""
+    return np.subtract(body.end, body.start) / body.length if isinstance(body, Beam) else E_X
+
+
+class RowPlace:
+    """A place of a body, or a point of the ground, in the equations of a joint.
+
+    Parameters
+    ----------
+    start : ndarray, shape (vectors, 2)
+        All vectors of the joint's places in the reference, to be filled.
+    first : int
+        Number of the position among them.
+    place : Place or (float, float)
+    rigid : bool
+    turning : int
+        Vectors that turn with it.
+    """
+
+    def __init__(self, start: Array, first: int, place: Any, rigid: bool, turning: int) -> None:
+        self._start, self._first, self._place = start, first, place
+        self.rigid, self._ground = rigid, not isinstance(place, Place)
+        if not self._ground:
+            one = _along(place.body)
+            start[first : first + SLOTS] = place.position, one, QUARTER_TURN @ one
+        self.position = self._constant(place) if self._ground else self._vector(0)
+        self.gradients = (
+            [self._constant(E_X)] if self._ground else [self._vector(k + 1) for k in range(turning)]
+        )
+        self.direction = self.gradients[-1] if self.gradients else None
+
+    def _vector(self, slot: int) -> Vector:
+        return Vector(self._start, {(self._first + slot, None): EYE})
+
+    def _constant(self, value: Any) -> Vector:
+        return Vector(self._start, {}, {None: np.array(value, dtype=float)})
+
+    def axis(self, k: int) -> Vector:
+        """Unit vector k of the reference as it turns with the place; of a beam r_x (k = 0) and its normal or r_y."""
+        if self.rigid and not self._ground and isinstance(self._place.body, Beam):
+            x, y = _along(self._place.body)
+            return self.gradients[0].mapped((x * EYE - y * QUARTER_TURN) @ (QUARTER_TURN if k else EYE))
+        return self.gradients[k] if k < len(self.gradients) else self.gradients[0].normal
+
+    def fixed_point(self, point: Any) -> Vector:
+        """A point that is fixed in the rigid body of the place, by where it is in the reference."""
+        if self._ground:
+            return self._constant(point)
+        x, y = np.subtract(point, self._place.position)
+        return self.position + self.axis(0) * x + self.axis(1) * y
+
+
+@dataclass(frozen=True)
+class Row:
+    """One equation of a joint, of one or two components, at n outputs.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n, rows)
+    slopes : mapping of int to ndarray, shape (n, rows, 2)
+        Derivatives by the vectors of the joint's places: place · SLOTS + 0 for the position, and so on.
+    """
+
+    value: Array
+    slopes: Mapping[int, Array]
+
+
+class JointAtOutputs:
+    """A joint and the vectors of its places at all outputs.
+
+    Parameters
+    ----------
+    solution : Solution
+    joint : Joint
+    rigid : frozenset of str
+        Bodies that do not bend, see `rigid_bodies`.
+    unit : bool
+        Whether vectors that turn are divided by their lengths: what a joint holds of the stretch is left out.
+    """
+
+    def __init__(self, solution: Any, joint: Joint, rigid: frozenset[str], unit: bool = False) -> None:
+        self.solution, self.joint, self.rigid, self.unit = solution, joint, rigid, unit
+        self._histories = dict[int, Array]()
+        scene = solution.scene
+        #: Its places, and points of the ground.
+        self.places: list[Any] = [
+            end if not isinstance(end, str) and not isinstance(end[0], str) else scene.place(end)
+            for end in joint.attached
+        ]
+
+    @cached_property
+    def vectors(self) -> list[Array]:
+        """Vectors of all places, each (n, 2); NaN where a field does not have them."""
+        found = list[Array]()
+        for place in self.places:
+            slots = list(self._of(place)) if isinstance(place, Place) else []
+            nothing = np.full((len(self.solution.t), 2), np.nan)
+            found += [*slots, *[nothing] * (SLOTS - len(slots))]
+        return found
+
+    def _of(self, place: Place) -> Iterator[Array]:
+        field: Any = self.solution.fields[place.body.name]
+        yield field.position(place.key)
+        if isinstance(field, NodalField) and not isinstance(place.body, PointMass):
+            for vector in field.gradients(place.key):  # type: ignore[attr-defined]
+                yield vector / np.hypot(*vector.T)[:, None] if self.unit else vector
+
+    def rows(self) -> Iterator[Row]:
+        """All its equations."""
+        start = np.zeros((SLOTS * len(self.places), 2))
+        places = [
+            RowPlace(start, SLOTS * n, place, *self._kind(place)) for n, place in enumerate(self.places)
+        ]
+        for equation in self.joint.equations(*places):
+            yield self._of_vector(equation) if isinstance(equation, Vector) else self._of_scalar(equation)
+
+    def _kind(self, place: Any) -> tuple[bool, int]:
+        """Whether a place does not bend, and how many vectors turn with it."""
+        if not isinstance(place, Place):
+            return True, 1
+        field = self.solution.fields[place.body.name]
+        if isinstance(place.body, PointMass):
+            return True, 0
+        return place.body.name in self.rigid, 2 if isinstance(field, HermiteField) and field.sections else 1
+
+    def _factor(self, w: Signal | None) -> Array:
+        """A signal at the outputs, (n, 1)."""
+        if w is None:
+            return np.ones((len(self.solution.t), 1))
+        if id(w.history) not in self._histories:
+            t = 0.0 * self.solution.t if self.solution.static else self.solution.t
+            self._histories[id(w.history)] = tabulate(w.name, w.history, t, 3).T
+        return np.asarray(w.at(self._histories[id(w.history)])[0][:, None])
+
+    def _of_vector(self, equation: Vector) -> Row:
+        value, slopes = np.zeros((len(self.solution.t), 2)), dict[int, Array]()
+        for (v, w), A in equation.terms.items():
+            value += self._factor(w) * (self.vectors[v] @ A.T)
+            slopes[v] = slopes.get(v, 0.0) + self._factor(w)[:, :, None] * A
+        for w, b in equation.constants.items():
+            value += self._factor(w) * b
+        return Row(value, slopes)
+
+    def _of_scalar(self, equation: Scalar) -> Row:
+        x, value, slopes = self.vectors, np.zeros((len(self.solution.t), 1)), dict[int, Array]()
+        for (i, j, w), C in equation.pairs.items():
+            factor, left, right = self._factor(w), x[j] @ C.T, x[i] @ C
+            value += factor * (x[i] * left).sum(axis=1, keepdims=True)
+            for v, slope in ((i, left), (j, right)):
+                slopes[v] = slopes.get(v, 0.0) + (factor * slope)[:, None]
+        for (v, w), c in equation.terms.items():
+            value += self._factor(w) * (x[v] @ c)[:, None]
+            slopes[v] = slopes.get(v, 0.0) + (self._factor(w) * c)[:, None]
+        for w, number in equation.constants.items():
+            value += self._factor(w) * number
+        return Row(value, slopes)
