@@ -4,13 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import atan2, hypot
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, reason, shown, unknown_kind
 from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
-from anctmm.model.velocities import PartVelocity, Point, size_of, slope_of
+from anctmm.model.velocities import Point, size_of, slope_of
 from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
 
 #: Error of a velocity's slope, of the velocity, from which on it has none.
@@ -64,11 +66,6 @@ class Material:
         set_(self, "density", positive("material density (kg/m³)", self.density))
         set_(self, "poisson", within("material poisson", self.poisson, 0.0, 0.5, "[)"))
         set_(self, "damping", not_negative("material damping (s)", self.damping))
-
-    def __repr__(self) -> str:
-        # what is absent is not written: texts and keys of undamped scenes stay as they are
-        damping = f", damping={self.damping!r}" if self.damping else ""
-        return f"Material(E={self.E!r}, density={self.density!r}, poisson={self.poisson!r}{damping})"
 
     @property
     def lame(self) -> tuple[float, float]:
@@ -155,6 +152,11 @@ class Beam(BodyKind):
         return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
     @property
+    def center(self) -> Point:
+        """Centre of mass in the reference, m."""
+        return self.position_at(0.5)
+
+    @property
     def extent(self) -> float:
         """Its length, m: what gaps between it and others are compared with."""
         return self.length
@@ -181,8 +183,6 @@ class Beam(BodyKind):
         """
         if self.velocity is None:
             return (0.0, 0.0)
-        if isinstance(self.velocity, PartVelocity):
-            return self.velocity(fraction)
         name = f"beam {self.name!r} velocity"
         return vector(
             f"{name} at fraction {fraction!r} (m/s)",
@@ -200,17 +200,13 @@ class Beam(BodyKind):
         if self.velocity is None:
             return (0.0, 0.0)
         slope, error = slope_of(self.velocity_at, fraction, self.speed)
-        if not error <= UNSURE * max(self.speed, abs(slope[0]), abs(slope[1])):
-            beam, at = self.name, fraction
-            if isinstance(self.velocity, PartVelocity):
-                beam, at = self.velocity.beam.name, self.velocity.whole(fraction)
-                part = self.velocity.last - self.velocity.first
-                slope, error = (slope[0] / part, slope[1] / part), error / part
+        if not error <= UNSURE * max(self.speed, *np.abs(slope)):
             raise PropertyError(
-                f"beam {beam!r} velocity has no slope at fraction {at!r} (differences give {slope!r} m/s, "
-                f"known to {error:.2g}); a smooth function is needed"
+                f"beam {self.name!r} velocity has no slope at fraction {fraction!r} (differences give "
+                f"{slope.tolist()!r} m/s, known to {error:.2g}); a smooth function is needed"
             )
-        return slope
+        found: Any = tuple(slope.tolist())
+        return found
 
     @cached_property
     def speed(self) -> float:

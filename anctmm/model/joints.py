@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from math import hypot
 from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
@@ -84,6 +83,8 @@ class Joint(JointKind):
     holds_direction, on_line = False, False
     #: Whether all its places are at one point, and share their position.
     shares_position = False
+    #: Places that it needs at least.
+    fewest = 1
     ends: tuple[Any, ...]
     #: Whether one of its places is of the ground.
     grounded: bool
@@ -101,6 +102,11 @@ class Joint(JointKind):
 
     def __hash__(self) -> int:
         return hash((type(self), self.ends))
+
+    @property
+    def label(self) -> str:
+        """Its kind and places, as messages name it."""
+        return f"{type(self).__name__.lower()} {shown(self.ends[0] if len(self.ends) == 1 else self.ends)}"
 
     @property
     def places(self) -> tuple[Written, ...]:
@@ -181,7 +187,7 @@ class Pin(Joint):
         The places as one argument, as `dataclasses.replace` passes them; then `places` must be empty.
     """
 
-    holds_direction, on_line, shares_position = False, False, True
+    shares_position = True
     ends: tuple[Written, ...]
     grounded: bool
 
@@ -219,7 +225,7 @@ class Weld(Joint):
         As of `Pin`.
     """
 
-    holds_direction, on_line = True, False
+    holds_direction, fewest = True, 2
     ends: tuple[Written, ...]
     grounded: bool
     angle: Angle | None
@@ -236,28 +242,23 @@ class Weld(Joint):
         object.__setattr__(self, "ends", _ends("weld", places, ends))
         object.__setattr__(self, "grounded", flag("weld grounded", grounded))
         object.__setattr__(self, "angle", angle)
-        object.__setattr__(self, "stretch", one_of(f"weld of {shown(self.ends)} stretch", stretch, STRETCH))
-        _check_callable(f"weld of {shown(self.ends)} angle", angle, "(θ, θ', θ'')")
+        object.__setattr__(self, "stretch", one_of(f"{self.label} stretch", stretch, STRETCH))
+        _check_callable(f"{self.label} angle", angle, "(θ, θ', θ'')")
         if angle is not None and len(self.ends) != 2:
             raise PropertyError(
-                f"weld of {shown(self.ends)} has an angle and {len(self.ends)} place(s); two are needed: "
+                f"{self.label} has an angle and {len(self.ends)} place(s); two are needed: "
                 f"the second rotates relative to the first"
             )
 
     def equations(self, *places: Any) -> list[Equation]:
         """Positions are one; directions are those of the first place, at the angles of the reference."""
         _in_plane(self, places)
-        first, name = places[0], f"weld of {shown(self.ends)} angle"
+        first, name = places[0], f"{self.label} angle"
         found: list[Equation] = [first.position - first.position.start] if self.grounded else []
         for place in places[1:]:
             found.append(place.position - first.position)
             found += _same_direction(first, place, self.angle, self.stretch == "free", name)
         return found
-
-    def __repr__(self) -> str:
-        # what is absent is not written: texts and keys of scenes without it stay as they are
-        angle = f", angle={self.angle!r}" if self.angle is not None else ""
-        return f"Weld(ends={self.ends!r}, grounded={self.grounded!r}{angle}{_stretch_text(self)})"
 
 
 @final
@@ -275,15 +276,15 @@ class Clamp(Joint):
         the direction is prescribed, so that the beam can stretch at the clamp.
     """
 
-    holds_direction, on_line = True, False
+    holds_direction = True
     end: Written
     angle: Angle | None = None
     stretch: str = "held"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
-        object.__setattr__(self, "stretch", one_of(f"clamp {shown(self.end)} stretch", self.stretch, STRETCH))
-        _check_callable(f"clamp {shown(self.end)} angle", self.angle, "(θ, θ', θ'')")
+        object.__setattr__(self, "stretch", one_of(f"{self.label} stretch", self.stretch, STRETCH))
+        _check_callable(f"{self.label} angle", self.angle, "(θ, θ', θ'')")
 
     @property
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
@@ -303,20 +304,12 @@ class Clamp(Joint):
                     f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed"
                 )
             return [vector - vector.start for vector in (place.position, *place.gradients)]
-        name, start = f"clamp {shown(self.end)} angle", place.position.start
+        name, start = f"{self.label} angle", place.position.start
         vectors = [place.direction] if self.stretch == "free" else place.gradients
         known = [turned(vector.initial, self.angle, name) for vector in vectors]
         if self.stretch == "free":
             return [place.position - start, known[0].normal @ vectors[0]]
         return [place.position - start, *(v - w for v, w in zip(vectors, known, strict=True))]
-
-    def __repr__(self) -> str:
-        # as that of welds
-        return f"Clamp(end={self.end!r}, angle={self.angle!r}{_stretch_text(self)})"
-
-
-def _stretch_text(joint: Weld | Clamp) -> str:
-    return f", stretch={joint.stretch!r}" if joint.stretch != "held" else ""
 
 
 @dataclass(frozen=True)
@@ -340,7 +333,19 @@ class _LineGuide(Joint):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        _check_guide(self)  # type: ignore[arg-type]  # only the two kinds below are made
+        set_ = object.__setattr__
+        set_(self, "place", written(self.place))
+        along = np.array(vector(f"{self.label} direction", self.direction))
+        if not along.any():
+            raise PropertyError(
+                f"{self.label} direction is {shown(self.direction)}; a vector of some length is needed"
+            )
+        for _ in range(2):  # the second division makes the length 1 to the last digit
+            along /= np.linalg.norm(along)
+        set_(self, "direction", tuple(along.tolist()))
+        if self.body is not None:
+            set_(self, "body", text(f"{self.label} body", self.body))
+        _check_callable(f"{self.label} position", self.position, "(s, s', s'')")
 
     @property
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
@@ -365,8 +370,7 @@ class _LineGuide(Joint):
         along = line.direction.mapped(x * np.eye(2) + y * QUARTER_TURN)
         found: list[Equation] = [along.normal @ away]
         if self.position is not None:
-            name = f"{type(self).__name__.lower()} {shown(self.place)} position"
-            found.append(along @ away - Signal(self.position, "value", name))
+            found.append(along @ away - Signal(self.position, "value", f"{self.label} position"))
         return found + (_same_direction(line, place, None, False, "") if self.holds_direction else [])
 
 
@@ -426,16 +430,9 @@ NO_TURN = 1e-12
 
 def drive_of(joint: Joint) -> tuple[str, Motion, str] | None:
     """Name of the history that drives a joint, the history and its unit; None where nothing drives it."""
-    match joint:
-        case Clamp():
-            return None if joint.angle is None else (f"clamp {shown(joint.end)} angle", joint.angle, "rad")
-        case Weld():
-            return None if joint.angle is None else (f"weld of {shown(joint.ends)} angle", joint.angle, "rad")
-        case Slider() | Prismatic():
-            name = f"{type(joint).__name__.lower()} {shown(joint.place)} position"
-            return None if joint.position is None else (name, joint.position, "m")
-        case _:
-            return None
+    what, unit = ("position", "m") if joint.on_line else ("angle", "rad")
+    history = getattr(joint, what, None) if type(joint) in JOINTS else None
+    return None if history is None else (f"{joint.label} {what}", history, unit)
 
 
 def check_drive(joint: Joint) -> None:
@@ -471,20 +468,3 @@ def _ends(kind: str, places: tuple[Written, ...], ends: Iterable[Written] | None
 def _check_callable(name: str, history: object, answer: str) -> None:
     if history is not None and not callable(history):
         raise PropertyError(f"{name} is {shown(history)}; None or a callable t -> {answer} is allowed")
-
-
-def _check_guide(guide: Guide) -> None:
-    set_, kind = object.__setattr__, type(guide).__name__.lower()
-    set_(guide, "place", written(guide.place))
-    what = f"{kind} {shown(guide.place)}"
-    x, y = vector(f"{what} direction", guide.direction)
-    size = hypot(x, y)
-    if size == 0.0:
-        raise PropertyError(
-            f"{what} direction is {shown(guide.direction)}; a vector of some length is needed"
-        )
-    x, y = x / size, y / size
-    set_(guide, "direction", (x / hypot(x, y), y / hypot(x, y)))
-    if guide.body is not None:
-        set_(guide, "body", text(f"{what} body", guide.body))
-    _check_callable(f"{what} position", guide.position, "(s, s', s'')")

@@ -1,66 +1,109 @@
 """Features that a scene needs beyond beams, pins, welds and clamps, so that no solver ignores one."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
 
-from anctmm.errors import UnsupportedError, shown, unknown_kind
-from anctmm.model.bodies import BODIES, Beam
+from anctmm.errors import UnsupportedError, shown
 from anctmm.model.connectors import CONNECTORS, RotationalSpring, Spring
-from anctmm.model.joints import JOINTS, Clamp, Pin, Prismatic, Slider, Weld
-from anctmm.model.kept import alike, kept
-from anctmm.model.loads import LOADS, Force, LineLoad, Torque
-from anctmm.model.places import Written
+from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Prismatic, Slider, Weld
+from anctmm.model.loads import Force, LineLoad, Torque
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene
 
-#: What mechanisms may need, and what it means.
-MECHANISMS = {
-    "rigid-bodies": "rigid bodies of any mass, inertia and points",
-    "point-masses": "point masses",
-    "sliders": "places that move on a line and are free to turn",
-    "prismatic-joints": "places that move on a line and do not turn",
-    "driven-guides": "sliders and prismatic joints whose position is a function of time",
-    "moving-guides": "sliders and prismatic joints on lines that are fixed in rigid bodies",
-    "driven-welds": "welds whose angle is a function of time",
-    "free-stretch": "clamps and welds that hold directions and leave the stretch free",
-    "free-welds": "welds that hold directions and leave the stretch free",
-    "interior-joints": "joints at nodes between the ends of a beam",
-    "springs": "springs and dampers between two places, or to the ground",
-    "rotational-springs": "rotational springs and dampers",
-    "driven-springs": "springs whose free length or angle is a function of time",
-    "laws": "springs whose force is a function of elongation, rate and time",
-    "interior-loads": "loads and connectors between the ends of a beam",
-    "follower-forces": "forces that turn with their place",
-    "line-loads": "forces along a beam",
-    "own-joints": "joints of a user's own kind",
+
+def _inside(scene: Scene, *places: Any) -> bool:
+    return any(scene.place(place).interior for place in places)
+
+
+def _free(thing: Any, *kinds: type) -> bool:
+    return isinstance(thing, kinds) and thing.stretch == "free"
+
+
+Need = Callable[[Scene, Any], bool]
+#: What mechanisms may need, what it means, and whether a thing of a scene needs it.
+_NEEDS: dict[str, tuple[str, Need]] = {
+    "rigid-bodies": (
+        "rigid bodies of any mass, inertia and points",
+        lambda _, x: isinstance(x, RigidBody),
+    ),
+    "point-masses": ("point masses", lambda _, x: isinstance(x, PointMass)),
+    "sliders": ("places that move on a line and are free to turn", lambda _, x: isinstance(x, Slider)),
+    "prismatic-joints": (
+        "places that move on a line and do not turn",
+        lambda _, x: isinstance(x, Prismatic),
+    ),
+    "driven-guides": (
+        "sliders and prismatic joints whose position is a function of time",
+        lambda _, x: isinstance(x, Guide) and x.position is not None,
+    ),
+    "moving-guides": (
+        "sliders and prismatic joints on lines that are fixed in rigid bodies",
+        lambda _, x: isinstance(x, Guide) and x.body is not None,
+    ),
+    "driven-welds": (
+        "welds whose angle is a function of time",
+        lambda _, x: isinstance(x, Weld) and x.angle is not None,
+    ),
+    "free-stretch": (
+        "clamps and welds that hold directions and leave the stretch free",
+        lambda _, x: _free(x, Clamp, Weld),
+    ),
+    "free-welds": ("welds that hold directions and leave the stretch free", lambda _, x: _free(x, Weld)),
+    "interior-joints": (
+        "joints at nodes between the ends of a beam",
+        lambda s, x: isinstance(x, Joint) and _inside(s, *x.places),
+    ),
+    "springs": (
+        "springs and dampers between two places, or to the ground",
+        lambda _, x: isinstance(x, Spring),
+    ),
+    "rotational-springs": (
+        "rotational springs and dampers",
+        lambda _, x: isinstance(x, RotationalSpring),
+    ),
+    "driven-springs": (
+        "springs whose free length or angle is a function of time",
+        lambda _, x: isinstance(x, CONNECTORS) and callable(x.free),
+    ),
+    "laws": (
+        "springs whose force is a function of elongation, rate and time",
+        lambda _, x: isinstance(x, CONNECTORS) and x.law is not None,
+    ),
+    "interior-loads": (
+        "loads and connectors between the ends of a beam",
+        lambda s, x: (
+            (isinstance(x, CONNECTORS) and _inside(s, *x.places))
+            or (isinstance(x, Force | Torque) and _inside(s, x.end))
+        ),
+    ),
+    "follower-forces": (
+        "forces that turn with their place",
+        lambda _, x: isinstance(x, Force) and x.follower,
+    ),
+    "line-loads": ("forces along a beam", lambda _, x: isinstance(x, LineLoad)),
+    "own-joints": (
+        "joints of a user's own kind",
+        lambda _, x: isinstance(x, Joint) and type(x) not in JOINTS,
+    ),
 }
+#: What mechanisms may need, and what it means.
+MECHANISMS = {feature: meaning for feature, (meaning, _) in _NEEDS.items()}
 #: Between the features of a combination.
 WITH = " + "
 
 
-@kept
+def needs(scene: Scene) -> Iterator[tuple[str, object]]:
+    """Features of `MECHANISMS` that a scene needs, each with every thing that needs it."""
+    for thing in (*scene.bodies, *scene.joints, *scene.connectors, *scene.loads):
+        yield from ((feature, thing) for feature, (_, needed) in _NEEDS.items() if needed(scene, thing))
+
+
 def features_of(scene: Scene) -> Mapping[str, object]:
     """Features of `MECHANISMS` that a scene needs, each with the first thing that needs it."""
     found: dict[str, object] = {}
     for feature, thing in needs(scene):
         found.setdefault(feature, thing)
     return found
-
-
-def needs(scene: Scene) -> Iterator[tuple[str, object]]:
-    """Features of `MECHANISMS` that a scene needs, each with the thing that needs it."""
-    for body in scene.bodies:
-        match body:
-            case Beam():
-                pass
-            case RigidBody():
-                yield "rigid-bodies", body
-            case PointMass():
-                yield "point-masses", body
-            case _:
-                raise unknown_kind("body", body, BODIES)
-    yield from _of_joints(scene)
-    yield from _connectors(scene)
-    yield from _loads(scene)
 
 
 def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None:
@@ -90,69 +133,3 @@ def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None
                 f"{who} cannot do {shown(asked[found[0]])} of scene {scene.name!r}{beside}: {MECHANISMS[found[0]]} "
                 f"are not offered"
             )
-
-
-def _inside(scene: Scene, places: Iterable[Written]) -> bool:
-    return any(scene.place(place).interior for place in places)
-
-
-@alike
-def _of_joints(scene: Scene) -> tuple[tuple[str, object], ...]:
-    return tuple(_joints(scene))
-
-
-def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
-    for joint in scene.joints:
-        if _inside(scene, joint.places):
-            yield "interior-joints", joint
-        match joint:
-            case Pin():
-                pass
-            case Clamp() | Weld():
-                if isinstance(joint, Weld) and joint.angle is not None:
-                    yield "driven-welds", joint
-                if joint.stretch == "free":
-                    yield "free-stretch", joint
-                    if isinstance(joint, Weld):
-                        yield "free-welds", joint
-            case Slider() | Prismatic():
-                yield "sliders" if isinstance(joint, Slider) else "prismatic-joints", joint
-                if joint.position is not None:
-                    yield "driven-guides", joint
-                if joint.body is not None:
-                    yield "moving-guides", joint
-            case _ if type(joint) not in JOINTS:
-                yield "own-joints", joint
-
-
-def _connectors(scene: Scene) -> Iterator[tuple[str, object]]:
-    for connector in scene.connectors:
-        match connector:
-            case Spring():
-                yield "springs", connector
-                if callable(connector.length):
-                    yield "driven-springs", connector
-            case RotationalSpring():
-                yield "rotational-springs", connector
-                if callable(connector.angle):
-                    yield "driven-springs", connector
-            case _:
-                raise unknown_kind("connector", connector, CONNECTORS)
-        if connector.law is not None:
-            yield "laws", connector
-        if _inside(scene, connector.places):
-            yield "interior-loads", connector
-
-
-def _loads(scene: Scene) -> Iterator[tuple[str, object]]:
-    for load in scene.loads:
-        match load:
-            case Force() | Torque():
-                if _inside(scene, (load.end,)):
-                    yield "interior-loads", load
-                if isinstance(load, Force) and load.follower:
-                    yield "follower-forces", load
-            case LineLoad():
-                yield "line-loads", load
-            case _:
-                raise unknown_kind("load", load, LOADS)

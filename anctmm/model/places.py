@@ -1,7 +1,7 @@
 """Places of bodies: their notation and meaning."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from anctmm.errors import UnknownNameError, shown
 from anctmm.model.bodies import Beam, Body
@@ -111,3 +111,15 @@ def place_in(body: Body, key: Any) -> Key | None:
             return int(key) if key in (0.0, 1.0) else key
         case RigidBody() | PointMass():
             return key if isinstance(key, str) and body.has(key) else None
+
+
+class Placing(Protocol):
+    """The part of a scene that knows its places."""
+
+    def place(self, place: Written) -> Place:
+        """A place of a body."""
+        ...
+
+    def beam(self, name: str) -> Beam:
+        """A beam."""
+        ...

@@ -165,6 +165,11 @@ class PointMass(BodyKind):
         set_(self, "velocity", vector(f"{what} velocity (m/s)", self.velocity))
 
     @property
+    def center(self) -> Point:
+        """Centre of mass: its position, m."""
+        return self.position
+
+    @property
     def extent(self) -> float:
         """None."""
         return 0.0

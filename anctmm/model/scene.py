@@ -23,8 +23,7 @@ from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, di
 from anctmm.model.checks.joints import check_joints
 from anctmm.model.checks.start import check_start
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, check_drive
-from anctmm.model.kept import PREFIX
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
 from anctmm.model.places import PLACE_NEEDED, SIDES, Key, Place, Written, place_in, written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -121,19 +120,10 @@ class Scene:
             twice, times = Counter(b.name for b in self.bodies).most_common(1)[0]
             raise DuplicateNameError(f"body name {twice!r} is used {times} times; once is allowed")
         check_joints(self)
-        for joint in self.joints:
-            check_drive(joint)
-        for joint in self.own_joints:
-            for place in joint.places:
-                self.place(place)
         for connector in self.connectors:
             check_connector(self, connector)
         for load in self.loads:
             check_load(self, load)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What is stored of it: facts that were found are found again."""
-        return {name: value for name, value in vars(self).items() if not name.startswith(PREFIX)}
 
     @property
     def dim(self) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,13 @@ Point = tuple[float, float]
 SAMPLES = 9
 #: Error of a slope's last digits, of the velocity's size.
 FINEST = 1e-12
+
+
+def turned(spin: Any, arm: Any) -> Array:
+    """Velocity of the end of an arm that turns: spin (rad/s) is a number in the plane, a vector in space."""
+    if len(arm) == 2:
+        return np.array([-spin * arm[1], spin * arm[0]])
+    return np.cross(spin, arm)
 
 
 @dataclass(frozen=True)
@@ -60,43 +67,13 @@ class RigidVelocity:
         return self.velocity[0] - self.spin * y, self.velocity[1] + self.spin * x
 
 
-class HasVelocity(Protocol):
-    """The part of a beam that this module needs."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    def velocity_at(self, fraction: float) -> Point:
-        """Initial velocity at a fraction of the length, m/s."""
-        ...
-
-
-@dataclass(frozen=True)
-class PartVelocity:
-    """Initial velocity of a part of a beam between two fractions of its length."""
-
-    beam: HasVelocity
-    first: float
-    last: float
-
-    def __call__(self, fraction: float) -> Point:
-        """Velocity at a fraction of the part's length, m/s."""
-        return self.beam.velocity_at(self.whole(fraction))
-
-    def whole(self, fraction: float) -> float:
-        """Fraction of the beam's length at one of the part's."""
-        return (1.0 - fraction) * self.first + fraction * self.last
-
-
 def size_of(velocity: Callable[[float], Point]) -> float:
     """Largest component of a velocity at a few fractions, m/s; 1 where it vanishes."""
     return max(max(map(abs, velocity(s))) for s in np.linspace(0.0, 1.0, SAMPLES).tolist()) or 1.0
 
 
 def second_derivative(velocity: Callable[[float], Point], fraction: float, elements: int) -> Array:
-    """Second derivative of a velocity by the fraction, (2,), m/s, at a node of so many equal elements.
+    """Second derivative of a velocity by the fraction, (dim,), m/s, at a node of so many equal elements.
 
     That of a polynomial through the velocities at points of both elements that meet there, or of the one at an end: as
     exact as a polynomial of degree five in each element needs it.
@@ -111,8 +88,8 @@ def second_derivative(velocity: Callable[[float], Point], fraction: float, eleme
     return np.asarray(np.polynomial.chebyshev.chebval(scale * (fraction - 0.5 * (low + high)), bent))
 
 
-def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -> tuple[Point, float]:
-    """Derivative of a velocity by the fraction, and its error, m/s; one-sided at the ends.
+def slope_of(velocity: Callable[[float], Any], fraction: float, size: float) -> tuple[Array, float]:
+    """Derivative of a velocity by the fraction, (dim,), and its error, m/s; one-sided at the ends.
 
     Parameters
     ----------
@@ -123,6 +100,7 @@ def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -
     """
     side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
     step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
+    dim = len(velocity(fraction))
 
     def component(s: Array, axis: Array) -> Array:
         values = [velocity(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
@@ -133,10 +111,10 @@ def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -
     slope: Any = derivative  # its stubs do not know a direction given as a number
     found = slope(
         component,
-        np.full(2, fraction),
-        args=(np.arange(2),),
+        np.full(dim, fraction),
+        args=(np.arange(dim),),
         initial_step=step,
         step_direction=side,
         tolerances={"atol": FINEST * size, "rtol": FINEST},
     )
-    return (float(found.df[0]), float(found.df[1])), float(np.max(found.error))
+    return np.asarray(found.df), float(np.max(found.error))
