@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
@@ -54,18 +54,11 @@ class Junction:
         Whether the place is held.
     clamps : tuple of Clamp or None
         For each group the clamp, fixed or driven, that holds its direction.
-    hinges : tuple of Weld or Clamp
-        What holds directions, but no gradients: driven welds, each of which turns the group of its second end against
-        that of its first, and welds and clamps that leave the stretch free.
-    guides : tuple of Slider or Prismatic
-        What guides it along lines.
     """
 
     groups: tuple[tuple[End, ...], ...]
     grounded: bool
     clamps: tuple[Clamp | None, ...]
-    hinges: tuple[Weld | Clamp, ...] = ()
-    guides: tuple[Guide, ...] = ()
 
     @property
     def ends(self) -> tuple[End, ...]:
@@ -177,37 +170,21 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
             places.unite(first, other)
             if isinstance(joint, Weld) and joint.angle is None and joint.stretch == "held":
                 directions.unite(first, other)
-    at = dict[End, list[Joint]]()
-    clamps = dict[End, Clamp]()
-    named = dict[str, set[End]]()
+    clamps, grounded, named = dict[End, Clamp](), set[End](), dict[str, set[End]]()
     for joint, ends in joined:
-        first = ends[0]
-        at.setdefault(places.of(first), []).append(joint)
+        if joint.grounded:
+            grounded.add(places.of(ends[0]))
         if isinstance(joint, Clamp) and joint.stretch == "held":
-            clamps[directions.of(first)] = joint
+            clamps[directions.of(ends[0])] = joint
         for end in ends:
             named.setdefault(end[0], set()).add(end)
     found = []
     ends = [end for body in scene.bodies for end in _ends_of(body, named.get(body.name, set()))]
     for members in places.among(ends):
-        groups, here = directions.among(members), at.get(places.of(members[0]), [])
-        found.append(
-            Junction(
-                tuple(map(tuple, groups)),
-                any(joint.grounded for joint in here),
-                tuple(clamps.get(directions.of(group[0])) for group in groups),
-                tuple(joint for joint in here if _is_hinge(joint)),
-                tuple(joint for joint in here if isinstance(joint, Guide)),
-            )
-        )
+        groups = tuple(map(tuple, directions.among(members)))
+        held = tuple(clamps.get(directions.of(group[0])) for group in groups)
+        found.append(Junction(groups, places.of(members[0]) in grounded, held))
     return tuple(found)
-
-
-def _is_hinge(joint: Any) -> bool:
-    """Whether it holds directions, and no gradients."""
-    return isinstance(joint, Clamp | Weld) and (
-        joint.stretch == "free" or (isinstance(joint, Weld) and joint.angle is not None)
-    )
 
 
 def _ends_of(body: Body, named: set[End]) -> list[End]:

@@ -3,7 +3,7 @@
 A place moves by its position and its axes: those of the reference in a rigid body, r_x of a beam, none of a point mass.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -106,14 +106,19 @@ def conditions_of(scene: Graph, joint: Joint) -> list[Condition]:
     ]
     at = np.array([x for _, _, x in vectors])
     try:
-        equations = joint.equations(*_seen(ends, at))
-        return [_condition(joint, equation, vectors) for equation in equations]
+        return [_condition(joint, equation, vectors) for equation in _flat(joint.equations(*_seen(ends, at)))]
     except AnctmmError:
         raise
     except Exception as error:  # of a user's own kind
         raise PropertyError(
             f"{shown(joint)} has equations that raise {reason(error)}; a list of vectors and scalars is needed"
         ) from error
+
+
+def _flat(equations: Sequence[Any]) -> Iterator[Vector | Scalar]:
+    """Equations, those of sequences one by one."""
+    for equation in equations:
+        yield from [equation] if isinstance(equation, Vector | Scalar) else _flat(equation)
 
 
 def _seen(ends: Sequence[Any], at: Array) -> list[StartPlace]:
