@@ -1,14 +1,14 @@
 """Beams and their materials."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, hypot
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, reason, shown, unknown_kind
+from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, shown
 from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
@@ -121,8 +121,10 @@ class Beam(BodyKind):
         set_(self, "name", text("beam name", self.name))
         set_(self, "start", vector(f"beam {self.name!r} start (m)", self.start, high=LONGEST))
         set_(self, "end", vector(f"beam {self.name!r} end (m)", self.end, high=LONGEST))
-        _check_fields(f"beam {self.name!r} section", self.section, Section)
-        _check_fields(f"beam {self.name!r} material", self.material, Material)
+        for kind, thing in ((Section, self.section), (Material, self.material)):
+            if not isinstance(thing, kind):
+                what = f"beam {self.name!r} {kind.__name__.lower()}"
+                raise PropertyError(f"{what} is {shown(thing)}; a {kind.__name__} is needed")
         if self.velocity is not None and not callable(self.velocity):
             raise PropertyError(
                 f"beam {self.name!r} velocity is {shown(self.velocity)}; "
@@ -215,18 +217,12 @@ class Beam(BodyKind):
 
     def _check_sizes(self) -> None:
         """Refuse a beam whose stiffness or mass is no number that can be computed with."""
-        section, material, L = self.section, self.material, self.length
-        E, rho = material.E, material.density
-        A, I, J = section.area, section.second_moment, section.fourth_moment  # noqa: E741
+        E, rho, L = self.material.E, self.material.density, self.length
+        A, I, J = self.section.area, self.section.second_moment, self.section.fourth_moment  # noqa: E741
         for name, value in {
-            "EA (N)": E * A,
-            "EI (N m²)": E * I,
-            "EJ (N m⁴)": E * J,
-            "EA/length (N/m)": E * A / L,
-            "EI/length³ (N/m)": E * I / L**3,
-            "mass (kg)": rho * A * L,
-            "rotary inertia (kg m²)": rho * I * L,
-        }.items():
+            "EA (N)": E * A, "EI (N m²)": E * I, "EJ (N m⁴)": E * J, "EA/length (N/m)": E * A / L,
+            "EI/length³ (N/m)": E * I / L**3, "mass (kg)": rho * A * L, "rotary inertia (kg m²)": rho * I * L,
+        }.items():  # fmt: skip
             if not LEAST <= value <= MOST:
                 raise PropertyError(
                     f"beam {self.name!r} has {name} {value:g}; a number from {LEAST:g} to {MOST:g} is needed"
@@ -246,27 +242,9 @@ def beam_of(body: Body) -> Beam:
     UnknownKindError
         If the body is of another kind.
     """
-    match body:
-        case Beam():
-            return body
-        case RigidBody() | PointMass():
-            raise UnknownKindError(
-                f"body {body.name!r} is a {type(body).__name__}; a Beam is needed here, which alone has ends, a length "
-                f"and elements"
-            )
-        case _:
-            raise unknown_kind("body", body, BODIES)
-
-
-def _check_fields(name: str, thing: object, kind: type[Section] | type[Material]) -> None:
-    """Refuse what is no section or material, or, of a user's own subclass, has not the numbers of one."""
-    if not isinstance(thing, kind):
-        raise PropertyError(f"{name} is {shown(thing)}; a {kind.__name__} is needed")
-    try:
-        numbers = [getattr(thing, f.name) for f in fields(kind)]
-    except Exception as error:  # a property of the subclass may do anything
-        raise PropertyError(
-            f"{name} is {shown(thing)}, whose numbers cannot be read ({reason(error)}); "
-            f"{', '.join(f.name for f in fields(kind))} are needed"
-        ) from error
-    kind(*numbers)
+    if not isinstance(body, Beam):
+        raise UnknownKindError(
+            f"body {body.name!r} is a {type(body).__name__}; a Beam is needed here, which alone has ends, a length "
+            f"and elements"
+        )
+    return body

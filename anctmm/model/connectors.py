@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, final
 from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, reason, shown
 from anctmm.model.accepted import ConnectorKind, PairLike
 from anctmm.model.drives import breaks_of, value_at
-from anctmm.model.places import Place, Placing, Written, place_text, written
+from anctmm.model.places import Graph, Place, Written, place_text, written
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.velocities import Point
 from anctmm.validation import LONGEST, is_pair, not_negative, number, reals, vector
@@ -167,7 +167,7 @@ def name_of(connector: Connector) -> str:
     return f"{kind} from {place_text(connector.first)} to {to}"
 
 
-def ends_of(scene: Placing, connector: Connector) -> tuple[Place, Place | Point | None]:
+def ends_of(scene: Graph, connector: Connector) -> tuple[Place, Place | Point | None]:
     """Both ends of a connector: places, or a point of the ground, or, of a rotational spring, the ground."""
     second: Any = connector.second
     if second is not None and (isinstance(connector, RotationalSpring) or connector.ground is None):
@@ -189,7 +189,7 @@ def free_name(connector: Connector) -> str:
     return "length" if isinstance(connector, Spring) else "angle"
 
 
-def check_connector(scene: Placing, connector: Connector) -> None:
+def check_connector(scene: Graph, connector: Connector) -> None:
     """Refuse a connector that does not fit the scene, or whose functions give nothing at t = 0.
 
     Raises

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,38 +21,6 @@ Motion = Callable[[Any], tuple[Any, Any, Any]]
 """t (s) → a value, its rate and its acceleration."""
 #: Part of a turn between places below which it is rounding.
 ROUNDING = 1e-12
-
-
-class JointPlace(Protocol):
-    """A place, of a body or of the ground, in a joint's equations."""
-
-    @property
-    def position(self) -> Vector:
-        """Where it is."""
-        ...
-
-    @property
-    def gradients(self) -> list[Vector]:
-        """Vectors that turn with it and that a weld holds."""
-        ...
-
-    @property
-    def direction(self) -> Vector:
-        """The vector that a torque turns."""
-        ...
-
-    @property
-    def rigid(self) -> bool:
-        """Whether it belongs to a rigid body, or to the ground."""
-        ...
-
-    def axis(self, k: int) -> Vector:
-        """Unit vector k of the reference as it turns with the place; of a beam r_x for k = 0."""
-        ...
-
-    def fixed_point(self, point: Any) -> Vector:
-        """A point that is fixed in the rigid body of the place."""
-        ...
 
 
 Equation = Scalar | Vector
@@ -123,16 +91,19 @@ class Joint(JointKind):
 
         Parameters
         ----------
-        *places : JointPlace
-            In the order of the constructor.
+        *places
+            In the order of the constructor. Each has vectors: `position`; `axis(k)`, unit vector k of the reference as
+            it turns with the place, of a beam r_x for k = 0; `gradients`, all that a weld holds; `direction`, which a
+            torque turns. `rigid`: whether it is of a rigid body or the ground, with which `fixed_point(p)` moves.
         """
         raise NotImplementedError(f"{type(self).__name__} has no equations")
 
 
-def turned(vector: Vector, angle: Motion | None, name: str) -> Vector:
-    """A vector turned by a driven angle."""
-    if angle is None:
+def turned(vector: Vector, joint: Any) -> Vector:
+    """A vector turned by the driven angle of a joint."""
+    if (angle := getattr(joint, "angle", None)) is None:
         return vector
+    name = f"{joint.label} angle"
     return vector * Signal(angle, "cos", name) + vector.normal * Signal(angle, "sin", name)
 
 
@@ -145,18 +116,16 @@ def rotation(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
     return c * np.eye(2) + s * QUARTER_TURN
 
 
-def _same_direction(
-    a: JointPlace, b: JointPlace, angle: Motion | None, free: bool, name: str
-) -> list[Equation]:
+def _same_direction(a: Any, b: Any, joint: Any) -> list[Equation]:
     """The second place is turned against the first one by an angle from the reference, fixed or driven."""
-    if free or (a.rigid and b.rigid and angle is not None):
+    free, driven = (getattr(joint, name, None) for name in ("stretch", "angle"))
+    if free == "free" or (a.rigid and b.rigid and driven is not None):
         one, two = a.direction, b.direction
-        along = turned(one.mapped(rotation(one.start, two.start)), angle, name)
-        return [along.normal @ two]
+        return [turned(one.mapped(rotation(one.start, two.start)), joint).normal @ two]
     found: list[Equation] = []
     for k in range(max(len(a.gradients), len(b.gradients))):
         one, two = (place.gradients[min(k, len(place.gradients) - 1)] for place in (a, b))
-        found.append(two - turned(one.mapped(rotation(one.start, two.start)), angle, name))
+        found.append(two - turned(one.mapped(rotation(one.start, two.start)), joint))
     return found
 
 
@@ -253,11 +222,11 @@ class Weld(Joint):
     def equations(self, *places: Any) -> list[Equation]:
         """Positions are one; directions are those of the first place, at the angles of the reference."""
         _in_plane(self, places)
-        first, name = places[0], f"{self.label} angle"
+        first = places[0]
         found: list[Equation] = [first.position - first.position.start] if self.grounded else []
         for place in places[1:]:
             found.append(place.position - first.position)
-            found += _same_direction(first, place, self.angle, self.stretch == "free", name)
+            found += _same_direction(first, place, self)
         return found
 
 
@@ -304,9 +273,9 @@ class Clamp(Joint):
                     f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed"
                 )
             return [vector - vector.start for vector in (place.position, *place.gradients)]
-        name, start = f"{self.label} angle", place.position.start
+        start = place.position.start
         vectors = [place.direction] if self.stretch == "free" else place.gradients
-        known = [turned(vector.initial, self.angle, name) for vector in vectors]
+        known = [turned(vector.initial, self) for vector in vectors]
         if self.stretch == "free":
             return [place.position - start, known[0].normal @ vectors[0]]
         return [place.position - start, *(v - w for v, w in zip(vectors, known, strict=True))]
@@ -371,7 +340,7 @@ class _LineGuide(Joint):
         found: list[Equation] = [along.normal @ away]
         if self.position is not None:
             found.append(along @ away - Signal(self.position, "value", f"{self.label} position"))
-        return found + (_same_direction(line, place, None, False, "") if self.holds_direction else [])
+        return found + (_same_direction(line, place, self) if self.holds_direction else [])
 
 
 @final

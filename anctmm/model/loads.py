@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.errors import UnknownKindError, shown
 from anctmm.model.accepted import LoadKind, PairLike
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.places import Placing, Written, written
+from anctmm.model.places import Graph, Written, written
 from anctmm.model.velocities import Point
 from anctmm.validation import flag, number, text, vector
 
@@ -141,7 +141,7 @@ def varies(load: Load) -> bool:
     return isinstance(load, Torque) or callable(load.value) or (isinstance(load, Force) and load.follower)
 
 
-def check_load(scene: Placing, load: Load) -> None:
+def check_load(scene: Graph, load: Load) -> None:
     """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0.
 
     Raises

@@ -1,101 +1,79 @@
 """Features that a scene needs beyond beams, pins, welds and clamps, so that no solver ignores one."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from anctmm.errors import UnsupportedError, shown
-from anctmm.model.connectors import CONNECTORS, RotationalSpring, Spring
+from anctmm.model.connectors import Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Prismatic, Slider, Weld
 from anctmm.model.loads import Force, LineLoad, Torque
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene
 
-
-def _inside(scene: Scene, *places: Any) -> bool:
-    return any(scene.place(place).interior for place in places)
-
-
-def _free(thing: Any, *kinds: type) -> bool:
-    return isinstance(thing, kinds) and thing.stretch == "free"
-
-
-Need = Callable[[Scene, Any], bool]
-#: What mechanisms may need, what it means, and whether a thing of a scene needs it.
-_NEEDS: dict[str, tuple[str, Need]] = {
-    "rigid-bodies": (
-        "rigid bodies of any mass, inertia and points",
-        lambda _, x: isinstance(x, RigidBody),
-    ),
-    "point-masses": ("point masses", lambda _, x: isinstance(x, PointMass)),
-    "sliders": ("places that move on a line and are free to turn", lambda _, x: isinstance(x, Slider)),
-    "prismatic-joints": (
-        "places that move on a line and do not turn",
-        lambda _, x: isinstance(x, Prismatic),
-    ),
-    "driven-guides": (
-        "sliders and prismatic joints whose position is a function of time",
-        lambda _, x: isinstance(x, Guide) and x.position is not None,
-    ),
-    "moving-guides": (
-        "sliders and prismatic joints on lines that are fixed in rigid bodies",
-        lambda _, x: isinstance(x, Guide) and x.body is not None,
-    ),
-    "driven-welds": (
-        "welds whose angle is a function of time",
-        lambda _, x: isinstance(x, Weld) and x.angle is not None,
-    ),
-    "free-stretch": (
-        "clamps and welds that hold directions and leave the stretch free",
-        lambda _, x: _free(x, Clamp, Weld),
-    ),
-    "free-welds": ("welds that hold directions and leave the stretch free", lambda _, x: _free(x, Weld)),
-    "interior-joints": (
-        "joints at nodes between the ends of a beam",
-        lambda s, x: isinstance(x, Joint) and _inside(s, *x.places),
-    ),
-    "springs": (
-        "springs and dampers between two places, or to the ground",
-        lambda _, x: isinstance(x, Spring),
-    ),
-    "rotational-springs": (
-        "rotational springs and dampers",
-        lambda _, x: isinstance(x, RotationalSpring),
-    ),
-    "driven-springs": (
-        "springs whose free length or angle is a function of time",
-        lambda _, x: isinstance(x, CONNECTORS) and callable(x.free),
-    ),
-    "laws": (
-        "springs whose force is a function of elongation, rate and time",
-        lambda _, x: isinstance(x, CONNECTORS) and x.law is not None,
-    ),
-    "interior-loads": (
-        "loads and connectors between the ends of a beam",
-        lambda s, x: (
-            (isinstance(x, CONNECTORS) and _inside(s, *x.places))
-            or (isinstance(x, Force | Torque) and _inside(s, x.end))
-        ),
-    ),
-    "follower-forces": (
-        "forces that turn with their place",
-        lambda _, x: isinstance(x, Force) and x.follower,
-    ),
-    "line-loads": ("forces along a beam", lambda _, x: isinstance(x, LineLoad)),
-    "own-joints": (
-        "joints of a user's own kind",
-        lambda _, x: isinstance(x, Joint) and type(x) not in JOINTS,
-    ),
-}
 #: What mechanisms may need, and what it means.
-MECHANISMS = {feature: meaning for feature, (meaning, _) in _NEEDS.items()}
+MECHANISMS = {
+    "rigid-bodies": "rigid bodies of any mass, inertia and points",
+    "point-masses": "point masses",
+    "sliders": "places that move on a line and are free to turn",
+    "prismatic-joints": "places that move on a line and do not turn",
+    "driven-guides": "sliders and prismatic joints whose position is a function of time",
+    "moving-guides": "sliders and prismatic joints on lines that are fixed in rigid bodies",
+    "driven-welds": "welds whose angle is a function of time",
+    "free-stretch": "clamps and welds that hold directions and leave the stretch free",
+    "free-welds": "welds that hold directions and leave the stretch free",
+    "interior-joints": "joints at nodes between the ends of a beam",
+    "springs": "springs and dampers between two places, or to the ground",
+    "rotational-springs": "rotational springs and dampers",
+    "driven-springs": "springs whose free length or angle is a function of time",
+    "laws": "springs whose force is a function of elongation, rate and time",
+    "interior-loads": "loads and connectors between the ends of a beam",
+    "follower-forces": "forces that turn with their place",
+    "line-loads": "forces along a beam",
+    "own-joints": "joints of a user's own kind",
+}
 #: Between the features of a combination.
 WITH = " + "
+#: Features of every thing of a kind.
+OF_KIND: dict[type, str] = {
+    RigidBody: "rigid-bodies",
+    PointMass: "point-masses",
+    Slider: "sliders",
+    Prismatic: "prismatic-joints",
+    Spring: "springs",
+    RotationalSpring: "rotational-springs",
+    LineLoad: "line-loads",
+}
 
 
 def needs(scene: Scene) -> Iterator[tuple[str, object]]:
     """Features of `MECHANISMS` that a scene needs, each with every thing that needs it."""
     for thing in (*scene.bodies, *scene.joints, *scene.connectors, *scene.loads):
-        yield from ((feature, thing) for feature, (_, needed) in _NEEDS.items() if needed(scene, thing))
+        if type(thing) in OF_KIND:
+            yield OF_KIND[type(thing)], thing
+        of_thing = _of_joint(thing) if isinstance(thing, Joint) else _of_acting(thing)
+        yield from ((feature, thing) for feature, needed in of_thing if needed)
+        places = (thing.end,) if isinstance(thing, Force | Torque) else getattr(thing, "places", ())
+        if any(scene.place(place).interior for place in places):
+            yield "interior-joints" if isinstance(thing, Joint) else "interior-loads", thing
+
+
+def _of_joint(joint: Any) -> Iterator[tuple[str, bool]]:
+    yield "own-joints", type(joint) not in JOINTS
+    if isinstance(joint, Guide):
+        yield "driven-guides", joint.position is not None
+        yield "moving-guides", joint.body is not None
+    if isinstance(joint, Clamp | Weld):
+        yield "free-stretch", joint.stretch == "free"
+    if isinstance(joint, Weld):
+        yield "driven-welds", joint.angle is not None
+        yield "free-welds", joint.stretch == "free"
+
+
+def _of_acting(thing: Any) -> Iterator[tuple[str, bool]]:
+    if isinstance(thing, Connector):
+        yield "driven-springs", callable(thing.free)
+        yield "laws", thing.law is not None
+    yield "follower-forces", isinstance(thing, Force) and thing.follower
 
 
 def features_of(scene: Scene) -> Mapping[str, object]:

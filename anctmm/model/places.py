@@ -113,13 +113,32 @@ def place_in(body: Body, key: Any) -> Key | None:
             return key if isinstance(key, str) and body.has(key) else None
 
 
-class Placing(Protocol):
-    """The part of a scene that knows its places."""
+class Graph(Protocol):
+    """The part of a scene that functions of the model need: `anctmm.model.scene.Scene` has it."""
 
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies."""
+        ...
+
+    @property
+    def joints(self) -> tuple[Any, ...]:
+        """All joints."""
+        ...
+
+    @property
+    def length(self) -> float:
+        """Length that positions are compared with, m."""
+        ...
+
+    def body(self, name: str) -> Body:
+        """The body of a name."""
         ...
 
     def beam(self, name: str) -> Beam:
-        """A beam."""
+        """The beam of a name."""
+        ...
+
+    def place(self, place: Written) -> Place:
+        """A place of a body."""
         ...

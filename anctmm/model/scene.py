@@ -1,11 +1,10 @@
 """The physics of a scene: bodies, joints, loads and gravity. It knows no mesh, no step and no solver."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from inspect import signature
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from anctmm.errors import (
@@ -14,9 +13,7 @@ from anctmm.errors import (
     UnknownKindError,
     UnknownNameError,
     listed,
-    reason,
     shown,
-    unknown_kind,
 )
 from anctmm.model.accepted import BodyKind, ConnectorKind, JointKind, LoadKind, PairLike
 from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
@@ -27,7 +24,7 @@ from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, We
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
 from anctmm.model.places import PLACE_NEEDED, SIDES, Key, Place, Written, place_in, written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.validation import text, vector
+from anctmm.validation import several, text, vector
 
 __all__ = [
     "Beam",
@@ -262,38 +259,19 @@ def checked_scene(scene: object) -> Scene:
 
 def _places_in_words(body: Body) -> str:
     """Places of a body as they are written."""
-    match body:
-        case Beam():
-            return f"{listed(f'{body.name}.{side}' for side in SIDES)} and ({shown(body.name)}, fraction)"
-        case RigidBody() | PointMass():
-            return listed(f"{body.name}.{key}" for key in body.keys)
-        case _:
-            raise unknown_kind("body", body, BODIES)
+    if isinstance(body, Beam):
+        return f"{listed(f'{body.name}.{side}' for side in SIDES)} and ({shown(body.name)}, fraction)"
+    return listed(f"{body.name}.{key}" for key in body.keys)
 
 
 def _all_of(what: str, things: object, kinds: tuple[type, ...], base: type | None = None) -> tuple[Any, ...]:
     """Things of an ordered iterable, each of exactly one of the kinds, or of a user's own subclass of the base."""
     names = ", ".join(kind.__name__ for kind in kinds)
-    needed = f"a list of {names} is needed"
-    if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
-        raise SceneError(f"scene {what} is {shown(things)}; {needed}")
-    found: list[Any] = []
-    try:
-        for thing in islice(things, MOST + 1):
-            own = base is not None and isinstance(thing, base) and not isinstance(thing, kinds)
-            if type(thing) not in kinds and not own:
-                raise SceneError(
-                    f"scene {what} hold {shown(thing)} of type {type(thing).__name__}; allowed are {names}"
-                )
-            found.append(thing)
-    except SceneError:
-        raise
-    except Exception as error:  # an iterable of the user's own
-        raise SceneError(
-            f"scene {what} is {shown(things)}, which raises {reason(error)}; {needed}"
-        ) from error
-    if len(found) > MOST:
-        raise SceneError(
-            f"scene {what} is {shown(things)} of more than {MOST} things; {needed}, no longer one"
-        )
+    found = several(f"scene {what} is", things, MOST, f"a list of {names} is needed", SceneError)
+    for thing in found:
+        own = base is not None and isinstance(thing, base) and not isinstance(thing, kinds)
+        if type(thing) not in kinds and not own:
+            raise SceneError(
+                f"scene {what} hold {shown(thing)} of type {type(thing).__name__}; allowed are {names}"
+            )
     return tuple(found)

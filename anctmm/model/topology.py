@@ -1,45 +1,18 @@
 """Junctions: the places where ends of bodies meet, derived from the joints as edges of a graph."""
 
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
 from anctmm.model.joints import Clamp, Guide, Joint, Weld, built_in, drive_of
-from anctmm.model.places import End, Place, Written
+from anctmm.model.places import End, Graph, Place
 from anctmm.model.rigid_bodies import CENTER, PointMass
 
 T = TypeVar("T", bound=Hashable)
 #: What stands for the ground among names of bodies, which are texts.
 GROUND = None
-
-
-class Graph(Protocol):
-    """The part of a scene that describes its topology, such as `anctmm.model.scene.Scene`."""
-
-    @property
-    def bodies(self) -> Sequence[Body]:
-        """All bodies."""
-        ...
-
-    @property
-    def joints(self) -> Sequence[Joint]:
-        """All joints."""
-        ...
-
-    @property
-    def length(self) -> float:
-        """Length that positions are compared with, m."""
-        ...
-
-    def body(self, name: str) -> Body:
-        """The body of a name."""
-        ...
-
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -219,9 +219,11 @@ WRONG = {
         lambda: scene(at.Clamp("p.center", lambda t: (2 * t, 2.0, 0.0)), bodies=[plate()]), G,
         ["angle changes at 2", "(0, 0) 1/s", "consistent_velocities"]),
     "a slider of a body that leaves the line": (
-        lambda: scene(at.Slider("m.center"), bodies=[mass(velocity=(1, 2))]), G, ["'m.center' moves at (1, 2) m/s", "off by 2"]),
+        lambda: scene(at.Slider("m.center"), bodies=[mass(velocity=(1, 2))]), G,
+        ["'m.center' moves at (1, 2) m/s", "off by 2"]),
     "a line that turns away": (
-        lambda: scene(at.Slider("m.center", body="p"), bodies=[mass(), plate(spin=1.0)]), G, ["body='p'", "off by 0.5"]),
+        lambda: scene(at.Slider("m.center", body="p"), bodies=[mass(), plate(spin=1.0)]), G,
+        ["body='p'", "off by 0.5"]),
     "welded bodies that turn apart": (
         lambda: scene(at.Weld("p.a", "q.a"), bodies=[plate(), plate("q", spin=1.0, velocity=(-0.5, 0.5))]), G,
         ["'p.a'", "'q.a'", "Weld"]),

@@ -184,7 +184,7 @@ class Coupling(at.Joint):
     """The second place moves twice as far along y as the first one along x."""
 
     def equations(self, a, b):
-        return [2.0 * a.position @ (1.0, 0.0) - b.position @ (0.0, 1.0) - float((2.0 * a.position.start[0]))]
+        return [2.0 * a.position @ (1.0, 0.0) - b.position @ (0.0, 1.0) - float(2.0 * a.position.start[0])]
 
 
 def test_a_joint_of_a_user_s_own_is_kept_at_the_start():
@@ -195,6 +195,6 @@ def test_a_joint_of_a_user_s_own_is_kept_at_the_start():
     made = at.consistent_velocities(name="coupled", bodies=bodies, joints=joints)
     assert made.body("a").velocity == pytest.approx((RATE, 0.0))
     assert made.body("b").velocity == pytest.approx((0.0, 2.0 * RATE))
+    moving = [replace(bodies[0], velocity=(3.0, 0.0)), replace(bodies[1], velocity=(0.0, 5.0))]
     with pytest.raises(JointGapError, match=r"Coupling.*\(3, 0\) m/s.*\(0, 5\) m/s.*off by 1"):
-        moving = [replace(bodies[0], velocity=(3.0, 0.0)), replace(bodies[1], velocity=(0.0, 5.0))]
         at.Scene("coupled", moving, joints)

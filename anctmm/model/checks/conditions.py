@@ -14,8 +14,7 @@ from anctmm.errors import AnctmmError, PropertyError, reason, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.expressions import Scalar, Signal, Vector
 from anctmm.model.joints import Joint
-from anctmm.model.places import Place
-from anctmm.model.topology import Graph
+from anctmm.model.places import Graph, Place
 from anctmm.validation import is_point
 
 Array = NDArray[np.float64]
@@ -58,7 +57,7 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True)
 class StartPlace:
-    """A place as equations of joints see it: see `anctmm.model.joints.JointPlace`."""
+    """A place as equations of joints see it: see `anctmm.model.joints.Joint.equations`."""
 
     position: Vector
     gradients: list[Vector]

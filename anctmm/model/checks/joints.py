@@ -17,9 +17,8 @@ from anctmm.errors import (
 from anctmm.model.checks.conditions import Condition, conditions_of
 from anctmm.model.expressions import Signal
 from anctmm.model.joints import JOINTS, Guide, Joint, check_drive
-from anctmm.model.places import Place
+from anctmm.model.places import Graph, Place
 from anctmm.model.rigid_bodies import RigidBody
-from anctmm.model.topology import Graph
 
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9

@@ -14,9 +14,8 @@ from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.checks.conditions import Condition, axes_of, conditions_of, rate_of
 from anctmm.model.joints import JOINTS, drive_of
-from anctmm.model.places import Place
+from anctmm.model.places import Graph, Place
 from anctmm.model.rigid_bodies import RigidBody
-from anctmm.model.topology import Graph
 from anctmm.model.velocities import turned
 
 Array = NDArray[np.float64]
