@@ -53,12 +53,16 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     SolverError
         If they are not found.
     """
-    damped, name = problem.damped, problem.system.scene.name
+    name = problem.system.scene.name
+    still = DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
+    if not problem.size:
+        raise still
+    damped = problem.damped
     rows = (2 if damped else 1) * problem.size
     dense = rows <= (DENSE if problem.symmetric and not damped else DENSE_OTHERS)
     space = (_Dense if dense else _Sparse)(problem)
     if space.count < 1:
-        raise DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
+        raise still
     most = (2 if damped else 1) * space.count
     if count is not None and count > most:
         raise _too_many(count, name, space.count, most)
