@@ -13,7 +13,7 @@ from anctmm.model.checks.conditions import axes_of, conditions_of
 from anctmm.model.checks.start import EQUAL
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.model.scene import Scene, checked_scene, scene_that_does_not_start
+from anctmm.model.scene import Scene, SceneToBeStarted, checked_scene
 from anctmm.model.velocities import RigidVelocity, turned
 
 Array = NDArray[np.float64]
@@ -60,10 +60,11 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
             raise SceneError(
                 f"scene is {shown(scene)} beside {listed(sorted(parts))}; a scene, or what it is made of, is allowed"
             )
-        scene = scene_that_does_not_start(**parts)
-    scene = checked_scene(scene)
+        scene = SceneToBeStarted(**parts)
+    else:
+        scene = checked_scene(scene)
     J, rates = _equations(scene)
-    mass = scipy.sparse.block_diag([_inertia(body, scene.dim) for body in scene.bodies], "csc")
+    mass: Any = scipy.sparse.block_diag([_inertia(body, scene.dim) for body in scene.bodies], "csc")
     motion = least_norm(mass, J, rates)
     missed = float(np.abs(J @ motion - rates).max(initial=0.0))
     if missed > EQUAL * float(np.abs(rates).max(initial=0.0)):
@@ -73,14 +74,14 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
         )
     motions = motion.reshape(len(scene.bodies), -1)
     bodies = tuple(_moved(body, x, scene.dim) for body, x in zip(scene.bodies, motions, strict=True))
-    return replace(scene, bodies=bodies)
+    return Scene(scene.name, bodies, scene.joints, scene.loads, scene.gravity, scene.connectors)
 
 
 def _equations(scene: Scene) -> tuple[Any, Array]:
     """Conditions of all joints for the velocities of centres and spins of all bodies: matrix and right side."""
     width = scene.dim + _spins(scene.dim)
     first = {body.name: width * k for k, body in enumerate(scene.bodies)}
-    rows, columns, values, rates = list[Array](), list[Array](), list[Array](), [np.zeros(0)]
+    rows, columns, values, rates = list[Any](), list[Any](), list[Array](), [np.zeros(0)]
     count = 0
     for condition in (c for joint in scene.joints for c in conditions_of(scene, joint)):
         for place, axis, J in condition.factors:
@@ -157,11 +158,11 @@ def least_norm(mass: Any, A: Any, right: Array) -> Array:
     unit = scipy.sparse.diags_array(1.0 / np.sqrt(mass.diagonal()))
     lengths = np.sqrt(np.asarray((A @ unit).power(2).sum(axis=1)).ravel())
     rows = scipy.sparse.diags_array(1.0 / np.where(lengths > 0.0, lengths, 1.0))
-    M, A, right = unit @ mass @ unit, rows @ A @ unit, rows @ right
-    whole = scipy.sparse.block_array([[M, A.T], [A, -REGULARISED * scipy.sparse.eye_array(len(right))]])
+    M, A, b = unit @ mass @ unit, rows @ A @ unit, np.asarray(rows @ right)
+    whole = scipy.sparse.block_array([[M, A.T], [A, -REGULARISED * scipy.sparse.eye_array(len(b))]])
     factors = scipy.sparse.linalg.splu(whole.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
-    x, multipliers = np.zeros(n), np.zeros(len(right))
+    x, multipliers = np.zeros(n), np.zeros(len(b))
     for _ in range(STEPS):
-        step = factors.solve(np.concatenate([-M @ x - A.T @ multipliers, right - A @ x]))
+        step = factors.solve(np.concatenate([-M @ x - A.T @ multipliers, b - A @ x]))
         x, multipliers = x + step[:n], multipliers + step[n:]
     return np.asarray(unit @ x)

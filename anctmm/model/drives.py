@@ -123,10 +123,6 @@ class History:
         return self.function(t)
 
 
-#: Histories that are known to take arrays, with the number of their values; what a subclass does is not known.
-_TAKE_ARRAYS: dict[type, int] = {Quintic: 3, Pulse: 1}
-
-
 def breaks_of(name: str, history: object) -> tuple[float, ...] | None:
     """Times at which a history says that it breaks, ascending, s; None if it says nothing.
 
@@ -191,11 +187,6 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
 
     table = np.empty((len(t), width))
     if len(t) == 0:
-        return table
-    if _TAKE_ARRAYS.get(type(history)) == width:
-        with np.errstate(all="ignore"):
-            table.T[:] = history(t)
-        _check_finite(name, table, t)
         return table
     samples = {i: one(float(t[i])) for i in (0, len(t) // 2, len(t) - 1)}
     if not _by_one_call(history, t, table) or any(

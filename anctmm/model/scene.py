@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from anctmm.errors import (
@@ -225,23 +224,11 @@ class Scene:
         return place.body.name, place.key if isinstance(place.key, str) else float(place.key)
 
 
-def scene_that_does_not_start(**parts: Any) -> Scene:
-    """A scene of what `Scene` takes, checked except for its initial velocities: they may not fit joints and drives.
+class SceneToBeStarted(Scene):
+    """A scene checked except for its initial velocities, which may not fit joints and drives yet."""
 
-    Raises
-    ------
-    TypeError
-        If a part is missing, or none of a scene.
-    SceneError
-        As of `Scene`.
-    """
-    given = signature(Scene).bind(**parts)
-    given.apply_defaults()
-    found = object.__new__(Scene)
-    for what, value in given.arguments.items():
-        object.__setattr__(found, what, value)
-    found._check()
-    return found
+    def __post_init__(self) -> None:
+        self._check()
 
 
 def checked_scene(scene: object) -> Scene:
