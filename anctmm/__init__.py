@@ -3,9 +3,9 @@
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
 from anctmm.model.case import Case
+from anctmm.model.consistent import consistent_velocities
 from anctmm.model.drives import History, Pulse, Quintic
 from anctmm.model.expressions import signal
-from anctmm.model.initial_motion.rigid_start import consistent_velocities
 from anctmm.model.joints import Joint
 from anctmm.model.scene import (
     Beam,

@@ -4,8 +4,9 @@ A number is an int, a float, a Fraction, a Decimal or a NumPy scalar, and become
 numbers, durations and quantities with units of another package are refused: nothing is guessed.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from decimal import Decimal
+from itertools import islice
 from math import isfinite
 from numbers import Integral, Real
 from typing import Any
@@ -221,3 +222,16 @@ def is_pair(value: object) -> bool:
         return len(value) == 2
     except Exception:  # a sequence of the user's own
         return False
+
+
+def several(what: str, things: object, most: int, needed: str, error: type[AnctmmError]) -> list[Any]:
+    """Things of an ordered iterable as a list; the error names what they are and what is needed."""
+    if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
+        raise error(f"{what} {shown(things)}; {needed}")
+    try:
+        found = list(islice(things, most + 1))
+    except Exception as raised:  # an iterable of the user's own
+        raise error(f"{what} {shown(things)}, which raises {reason(raised)}; {needed}") from raised
+    if len(found) > most:
+        raise error(f"{what} {shown(things)} of more than {most} things; {needed}, and {most} at most")
+    return found

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import ceil
 from typing import Any
 
@@ -21,23 +21,16 @@ from anctmm.errors import (
     shown,
     unknown_option,
 )
-from anctmm.model.kept import PREFIX, facts_alike
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, within
 
 INTEGRATORS = tuple(METHODS)
-#: The name of a fact of a scene: a discretisation, and how that cuts it.
-_CUT = f"{PREFIX}cut"
 #: Elements of a body at most: sparse matrices number their rows by 32 bits.
 MOST = 2**31 - 1
 #: Equal parts of a load at most: an equilibrium is kept of each.
 MOST_LOAD_STEPS = 1_000_000
 #: Steps of a run at most: whole numbers up to here are exact as floats.
 MOST_STEPS = 2.0**53
-
-
-#: Types of options that never change.
-PLAIN = frozenset({bool, int, float, str, type(None), *METHODS.values()})
 
 
 class _NotGiven(float):
@@ -231,16 +224,7 @@ class Discretisation:
         UnsupportedError
             If a joint acts between the ends of a beam whose elements need it at an end.
         """
-        found = vars(checked_scene(scene)).get(_CUT)  # asked many times, for one discretisation after another
-        if found is None or found[0] is not self:
-            facts = facts_alike(scene)
-            key = _CUT, self.mesh, self.element
-            if key not in facts:
-                facts[key] = self._cut(scene)
-            found = vars(scene)[_CUT] = self, facts[key]
-        return dict(found[1])
-
-    def _cut(self, scene: Scene) -> dict[str, tuple[int, str]]:
+        checked_scene(scene)
         names = [b.name for b in scene.beams]
         if self.mesh is None and names:
             raise MeshError(
@@ -310,20 +294,11 @@ def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisatio
                 f"run is {shown(run)} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
             )
         return run
-    plain = all(type(value) in PLAIN for value in options.values())
-    return (_same_as_before if plain else _of_options)(**options)
-
-
-def _of_options(**options: Any) -> Discretisation:
     allowed = [f.name for f in fields(Discretisation) if f.init]
     unknown = sorted(set(options) - set(allowed))
     if unknown:
         raise DiscretisationError(f"option {unknown[0]!r} is unknown; allowed are {', '.join(allowed)}")
     return Discretisation(**options)
-
-
-#: The discretisation of equal options of equal types.
-_same_as_before = lru_cache(maxsize=64, typed=True)(_of_options)
 
 
 def parts_of_load(load_steps: object) -> int:

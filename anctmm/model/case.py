@@ -1,14 +1,13 @@
 """A scene with the data that studies need: probes, length and output interval."""
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
 from typing import TYPE_CHECKING
 
-from anctmm.errors import CaseError, reason, shown
+from anctmm.errors import CaseError, shown
 from anctmm.model.places import written
 from anctmm.model.scene import Probe, Scene, checked_scene
-from anctmm.validation import positive
+from anctmm.validation import positive, several
 
 #: Parts of a motion after which histories are compared, where the case does not say.
 OUTPUTS = 100
@@ -130,15 +129,10 @@ class Case:
 def _probes(scene: Scene, given: object) -> tuple[Probe, ...]:
     """Places of a scene, one or more, none twice."""
     needed = "a list of at least one place of the scene is needed, such as ['body.end', ('body', 0.5)]"
-    what = f"case of scene {scene.name!r} has probes {shown(given)}"
-    if isinstance(given, str | bytes | Set | Mapping) or not isinstance(given, Iterable):
-        raise CaseError(f"{what}; {needed}")
-    try:
-        found = list(islice(given, MOST_PROBES + 1))
-    except Exception as error:  # an iterable of the user's own
-        raise CaseError(f"{what}, which raises {reason(error)}; {needed}") from error
-    if not 0 < len(found) <= MOST_PROBES:
-        raise CaseError(f"{what}; {needed}, and {MOST_PROBES} at most")
+    what = f"case of scene {scene.name!r} has probes"
+    found = several(what, given, MOST_PROBES, needed, CaseError)
+    if not found:
+        raise CaseError(f"{what} []; {needed}")
     probes = tuple(map(written, found))
     places = [scene.probe(probe) for probe in probes]
     for k, place in enumerate(places):

@@ -7,12 +7,12 @@ together; the moment of a rotational spring is M = k (φ − φ₀) + c (φ' −
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, final
 
-from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, reason, shown, unknown_kind
+from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, reason, shown
 from anctmm.model.accepted import ConnectorKind, PairLike
 from anctmm.model.drives import breaks_of, value_at
-from anctmm.model.places import Place, Written, place_text, written
+from anctmm.model.places import Graph, Place, Written, place_text, written
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.velocities import Point
 from anctmm.validation import LONGEST, is_pair, not_negative, number, reals, vector
@@ -83,6 +83,11 @@ class Spring(ConnectorKind):
             set_(self, "length", not_negative(f"{name_of(self)} length (m)", self.length))
 
     @property
+    def free(self) -> float | Pair | None:
+        """Its free length."""
+        return self.length
+
+    @property
     def places(self) -> tuple[Written, ...]:
         """Places of bodies that it acts on."""
         return (self.first,) if self.ground is not None else (self.first, self.second)  # type: ignore[return-value]
@@ -140,6 +145,11 @@ class RotationalSpring(ConnectorKind):
             set_(self, "angle", number(f"{name_of(self)} angle (rad)", self.angle))
 
     @property
+    def free(self) -> float | Pair | None:
+        """Its free angle."""
+        return self.angle
+
+    @property
     def places(self) -> tuple[Written, ...]:
         """Places of bodies that it acts on."""
         return (self.first,) if self.second is None else (self.first, self.second)
@@ -150,14 +160,6 @@ Connector = Spring | RotationalSpring
 CONNECTORS = (Spring, RotationalSpring)
 
 
-class Placing(Protocol):
-    """The part of a scene that this module needs."""
-
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
-        ...
-
-
 def name_of(connector: Connector) -> str:
     """A connector as messages name it."""
     kind = "spring" if isinstance(connector, Spring) else "rotational spring"
@@ -165,22 +167,17 @@ def name_of(connector: Connector) -> str:
     return f"{kind} from {place_text(connector.first)} to {to}"
 
 
-def ends_of(scene: Placing, connector: Connector) -> tuple[Place, Place | Point | None]:
+def ends_of(scene: Graph, connector: Connector) -> tuple[Place, Place | Point | None]:
     """Both ends of a connector: places, or a point of the ground, or, of a rotational spring, the ground."""
-    first = scene.place(connector.first)
-    match connector:
-        case Spring():
-            point = connector.ground
-            return first, point if point is not None else scene.place(connector.second)  # type: ignore[arg-type]
-        case RotationalSpring():
-            return first, None if connector.second is None else scene.place(connector.second)
-        case _:
-            raise unknown_kind("connector", connector, CONNECTORS)
+    second: Any = connector.second
+    if second is not None and (isinstance(connector, RotationalSpring) or connector.ground is None):
+        second = scene.place(second)
+    return scene.place(connector.first), second
 
 
 def free_of(connector: Connector, reference: float, time: float) -> tuple[float, float]:
     """Free length (m) or angle (rad) of a connector at a time, and its rate; `reference` is the length as placed."""
-    free = connector.length if isinstance(connector, Spring) else connector.angle
+    free = connector.free
     if callable(free):
         value, rate = value_at(f"{name_of(connector)} {free_name(connector)}", free, time, 2)
         return float(value), float(rate)
@@ -192,7 +189,7 @@ def free_name(connector: Connector) -> str:
     return "length" if isinstance(connector, Spring) else "angle"
 
 
-def check_connector(scene: Placing, connector: Connector) -> None:
+def check_connector(scene: Graph, connector: Connector) -> None:
     """Refuse a connector that does not fit the scene, or whose functions give nothing at t = 0.
 
     Raises
@@ -244,9 +241,7 @@ def _check_apart(connector: Connector, first: Place, second: Place | Point | Non
 def _check_functions(connector: Connector, start: float) -> None:
     """Driven length or angle, and law, at t = 0."""
     name = name_of(connector)
-    free = connector.length if isinstance(connector, Spring) else connector.angle
-    if callable(free):
-        breaks_of(f"{name} {free_name(connector)}", free)
+    breaks_of(f"{name} {free_name(connector)}", connector.free)
     value, rate = free_of(connector, start, 0.0)
     if isinstance(connector, Spring) and value < 0.0:
         raise PropertyError(f"{name} length is {value!r} m at t = 0; a length of at least 0 is needed")

@@ -6,7 +6,6 @@ tolerance end there, and runs of a fixed step say what falls between their steps
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,10 +123,6 @@ class History:
         return self.function(t)
 
 
-#: Histories that are known to take arrays, with the number of their values; what a subclass does is not known.
-_TAKE_ARRAYS: dict[type, int] = {Quintic: 3, Pulse: 1}
-
-
 def breaks_of(name: str, history: object) -> tuple[float, ...] | None:
     """Times at which a history says that it breaks, ascending, s; None if it says nothing.
 
@@ -193,50 +188,30 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
     table = np.empty((len(t), width))
     if len(t) == 0:
         return table
-    if _TAKE_ARRAYS.get(type(history)) == width:
-        with np.errstate(all="ignore"):
-            table.T[:] = history(t)
-        _check_finite(name, table, t)
-        return table
     samples = {i: one(float(t[i])) for i in (0, len(t) // 2, len(t) - 1)}
-    try:
-        with np.errstate(all="ignore"):
-            values = history(t.copy())  # it may write into what it is given
-        columns = [values] if width == 1 else list(values)
-        table[:] = np.stack([np.broadcast_to(reals(c), t.shape) for c in columns], axis=1)
-        vectorised = len(columns) == width and all(
-            (np.abs(table[i] - v) <= 1e-12 * np.abs(v)).all() for i, v in samples.items()
-        )
-    except (Exception, SystemExit):
-        # it may take numbers only: whatever it raises on an array, it is called for each time
-        vectorised = False
-    if not vectorised:
+    if not _by_one_call(history, t, table) or any(
+        (np.abs(table[i] - v) > 1e-12 * np.abs(v)).any() for i, v in samples.items()
+    ):
         for i, time in enumerate(t):
             table[i] = one(float(time))
     _check_finite(name, table, t)
     return table
 
 
-#: Tables that are kept at most, and times of each.
-TABLES, TIMES = 64, 256
+table_of = tabulate
 
 
-def table_of(name: str, history: Callable[[Any], Any], t: Array, width: int) -> Array:
-    """The same as `tabulate`, to be read only, for times that every run asks for, such as those of its outputs.
-
-    Small tables of histories that never change are kept; a function of the user's is called each time.
-    """
-    if type(history) not in _TAKE_ARRAYS or len(t) > TIMES:
-        return tabulate(name, history, t, width)
-    return _kept_table(name, history, t.tobytes(), width)
-
-
-@lru_cache(maxsize=TABLES)
-def _kept_table(name: str, history: Callable[[Any], Any], t: bytes, width: int) -> Array:
-    """A table at times given as bytes."""
-    table = tabulate(name, history, np.frombuffer(t), width)
-    table.flags.writeable = False
-    return table
+def _by_one_call(history: Callable[[Any], Any], t: Array, table: Array) -> bool:
+    """Fill a table by one call with all times; False if the history takes numbers only."""
+    width = table.shape[1]
+    try:
+        with np.errstate(all="ignore"):
+            values = history(t.copy())  # it may write into what it is given
+        columns = [values] if width == 1 else list(values)
+        table[:] = np.stack([np.broadcast_to(reals(c), t.shape) for c in columns], axis=1)
+    except (Exception, SystemExit):  # whatever it raises on an array
+        return False
+    return len(columns) == width
 
 
 def _check_finite(name: str, table: Array, t: Array) -> None:

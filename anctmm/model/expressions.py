@@ -5,7 +5,7 @@ of products x·C y, c·x and numbers. w is 1 or a `Signal`, a factor that depend
 follow its values, rates, Jacobian and curvature; see `anctmm.system.rows`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -75,10 +75,14 @@ Key = tuple[int, Signal | None]
 Pair = tuple[int, int, Signal | None]
 
 
-def _sum(one: Mapping[Any, Any], two: Mapping[Any, Any], factor: float = 1.0) -> dict[Any, Any]:
+def _add(found: dict[Any, Any], key: Any, value: Any) -> None:
+    found[key] = found[key] + value if key in found else value
+
+
+def _sum(one: Mapping[Any, Any], two: Mapping[Any, Any]) -> dict[Any, Any]:
     found = dict(one)
     for key, value in two.items():
-        found[key] = found[key] + factor * value if key in found else factor * value
+        _add(found, key, value)
     return found
 
 
@@ -88,8 +92,57 @@ def _both(one: Signal | None, two: Signal | None) -> Signal | None:
     return two if one is None else one
 
 
+def _with_signal(key: Any, w: Signal) -> Any:
+    """The key of a term that is multiplied by a signal, which stands last in it."""
+    return (*key[:-1], _both(key[-1], w)) if isinstance(key, tuple) else _both(key, w)
+
+
+class _Expression:
+    """Sums and multiples of expressions of one kind: each is a few mappings of keys to coefficients."""
+
+    at: Array
+
+    @property
+    def _parts(self) -> tuple[Mapping[Any, Any], ...]:
+        raise NotImplementedError
+
+    def _like(self, other: Any) -> Any:
+        """Another expression, or a constant as one of this kind."""
+        raise NotImplementedError
+
+    def _made(self, parts: Iterable[Mapping[Any, Any]]) -> Any:
+        return type(self)(self.at, *parts)  # type: ignore[call-arg]
+
+    def __add__(self, other: Any) -> Any:
+        return self._made(_sum(a, b) for a, b in zip(self._parts, self._like(other)._parts, strict=True))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Any:
+        return self * -1.0
+
+    def __sub__(self, other: Any) -> Any:
+        return self + -self._like(other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __mul__(self, factor: Any) -> Any:
+        if isinstance(factor, Signal):
+            return self._made(
+                {_with_signal(key, factor): v for key, v in part.items()} for part in self._parts
+            )
+        number = float(factor)
+        return self._made({key: number * v for key, v in part.items()} for part in self._parts)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, factor: float) -> Any:
+        return self * (1.0 / factor)
+
+
 @dataclass(frozen=True)
-class Vector:
+class Vector(_Expression):
     """Σ w A x + Σ w b.
 
     Parameters
@@ -109,17 +162,27 @@ class Vector:
     @property
     def start(self) -> Array:
         """Value at the start, (dim,)."""
-        found = np.zeros(self.at.shape[1])
-        for (x, w), A in self.terms.items():
-            found += _initial(w) * (A @ self.at[x])
-        for w, b in self.constants.items():
-            found += _initial(w) * b
-        return found
+        parts = (_initial(w) * b for w, b in self.by_signal().items())
+        return np.asarray(sum(parts, np.zeros(self.at.shape[1])))
 
     @property
     def initial(self) -> "Vector":
         """The value at the start, as a vector that does not change."""
         return Vector(self.at, {}, {None: self.start})
+
+    def by_signal(self) -> dict[Signal | None, Array]:
+        """What each signal is multiplied by, (dim,)."""
+        found: dict[Signal | None, Array] = dict(self.constants)
+        for (x, w), A in self.terms.items():
+            _add(found, w, A @ self.at[x])
+        return found
+
+    def by_vector(self) -> dict[int, Array]:
+        """Derivatives by vectors, (dim, dim)."""
+        found: dict[int, Array] = {}
+        for (x, w), A in self.terms.items():
+            _add(found, x, _initial(w) * A)
+        return found
 
     def mapped(self, matrix: Array) -> "Vector":
         """The vector multiplied by a constant matrix, (dim, dim)."""
@@ -137,51 +200,22 @@ class Vector:
             raise PropertyError("a vector of space has no normal; `mapped` takes a matrix")
         return self.mapped(QUARTER_TURN)
 
-    def __add__(self, other: Any) -> "Vector":
-        two = self._vector(other)
-        return Vector(self.at, _sum(self.terms, two.terms), _sum(self.constants, two.constants))
-
-    __radd__ = __add__
-
-    def __neg__(self) -> "Vector":
-        return self * -1.0
-
-    def __sub__(self, other: Any) -> "Vector":
-        return self + -self._vector(other)
-
-    def __rsub__(self, other: Any) -> "Vector":
-        return -self + other
-
-    def __mul__(self, factor: Any) -> "Vector":
-        if isinstance(factor, Signal):
-            return Vector(
-                self.at,
-                {(x, _both(w, factor)): A for (x, w), A in self.terms.items()},
-                {_both(w, factor): b for w, b in self.constants.items()},
-            )
-        return self.mapped(float(factor) * np.eye(self.at.shape[1]))
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, factor: float) -> "Vector":
-        return self * (1.0 / factor)
-
     def __matmul__(self, other: Any) -> "Scalar":
         """The dot product."""
-        two = self._vector(other)
+        two = self._like(other)
         pairs: dict[Pair, Array] = {}
         linear: dict[Key, Array] = {}
-        constants: dict[Signal | None, Any] = {}
+        constants: dict[Signal | None, float] = {}
         for (x, w), A in self.terms.items():
             for (y, u), B in two.terms.items():
-                pairs = _sum(pairs, {(x, y, _both(w, u)): A.T @ B})
+                _add(pairs, (x, y, _both(w, u)), A.T @ B)
             for u, b in two.constants.items():
-                linear = _sum(linear, {(x, _both(w, u)): A.T @ b})
+                _add(linear, (x, _both(w, u)), A.T @ b)
         for w, a in self.constants.items():
             for (y, u), B in two.terms.items():
-                linear = _sum(linear, {(y, _both(w, u)): B.T @ a})
+                _add(linear, (y, _both(w, u)), B.T @ a)
             for u, b in two.constants.items():
-                constants = _sum(constants, {_both(w, u): float(a @ b)})
+                _add(constants, _both(w, u), float(a @ b))
         return Scalar(self.at, pairs, linear, constants)
 
     __rmatmul__ = __matmul__
@@ -190,14 +224,18 @@ class Vector:
         """The components, one by one."""
         return [self @ axis for axis in np.eye(self.at.shape[1])]
 
-    def _vector(self, other: Any) -> "Vector":
+    @property
+    def _parts(self) -> tuple[Mapping[Any, Any], ...]:
+        return self.terms, self.constants
+
+    def _like(self, other: Any) -> "Vector":
         if isinstance(other, Vector):
             return other
         return Vector(self.at, {}, {None: _constant(other, self.at.shape[1])})
 
 
 @dataclass(frozen=True)
-class Scalar:
+class Scalar(_Expression):
     """Σ w x·C y + Σ w c·x + Σ w n: one equation of a joint says that it is zero.
 
     Parameters
@@ -220,45 +258,32 @@ class Scalar:
     @property
     def start(self) -> float:
         """Value at the start."""
-        found = sum(_initial(w) * n for w, n in self.constants.items())
-        found += sum(_initial(w) * (c @ self.at[x]) for (x, w), c in self.terms.items())
-        return float(
-            found + sum(_initial(w) * (self.at[x] @ C @ self.at[y]) for (x, y, w), C in self.pairs.items())
-        )
+        return float(sum(_initial(w) * n for w, n in self.by_signal().items()))
 
-    def __add__(self, other: Any) -> "Scalar":
-        two = self._scalar(other)
-        return Scalar(self.at, *(_sum(a, b) for a, b in zip(self._parts, two._parts, strict=True)))
+    def by_signal(self) -> dict[Signal | None, float]:
+        """What each signal is multiplied by."""
+        found: dict[Signal | None, float] = dict(self.constants)
+        for (x, w), c in self.terms.items():
+            _add(found, w, float(c @ self.at[x]))
+        for (x, y, w), C in self.pairs.items():
+            _add(found, w, float(self.at[x] @ C @ self.at[y]))
+        return found
 
-    __radd__ = __add__
-
-    def __neg__(self) -> "Scalar":
-        return self * -1.0
-
-    def __sub__(self, other: Any) -> "Scalar":
-        return self + -self._scalar(other)
-
-    def __rsub__(self, other: Any) -> "Scalar":
-        return -self + other
-
-    def __mul__(self, factor: Any) -> "Scalar":
-        if isinstance(factor, Signal):
-            return Scalar(
-                self.at,
-                {(x, y, _both(w, factor)): C for (x, y, w), C in self.pairs.items()},
-                {(x, _both(w, factor)): c for (x, w), c in self.terms.items()},
-                {_both(w, factor): n for w, n in self.constants.items()},
-            )
-        number = float(factor)
-        return Scalar(self.at, *({k: number * v for k, v in part.items()} for part in self._parts))
-
-    __rmul__ = __mul__
+    def by_vector(self) -> dict[int, Array]:
+        """Derivatives by vectors, (dim,)."""
+        found: dict[int, Array] = {}
+        for (x, w), c in self.terms.items():
+            _add(found, x, _initial(w) * c)
+        for (x, y, w), C in self.pairs.items():
+            _add(found, x, _initial(w) * (C @ self.at[y]))
+            _add(found, y, _initial(w) * (self.at[x] @ C))
+        return found
 
     @property
     def _parts(self) -> tuple[Mapping[Any, Any], ...]:
         return self.pairs, self.terms, self.constants
 
-    def _scalar(self, other: Any) -> "Scalar":
+    def _like(self, other: Any) -> "Scalar":
         if isinstance(other, Scalar):
             return other
         known = isinstance(other, Signal)

@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from math import hypot
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,38 +21,6 @@ Motion = Callable[[Any], tuple[Any, Any, Any]]
 """t (s) → a value, its rate and its acceleration."""
 #: Part of a turn between places below which it is rounding.
 ROUNDING = 1e-12
-
-
-class JointPlace(Protocol):
-    """A place, of a body or of the ground, in a joint's equations."""
-
-    @property
-    def position(self) -> Vector:
-        """Where it is."""
-        ...
-
-    @property
-    def gradients(self) -> list[Vector]:
-        """Vectors that turn with it and that a weld holds."""
-        ...
-
-    @property
-    def direction(self) -> Vector:
-        """The vector that a torque turns."""
-        ...
-
-    @property
-    def rigid(self) -> bool:
-        """Whether it belongs to a rigid body, or to the ground."""
-        ...
-
-    def axis(self, k: int) -> Vector:
-        """Unit vector k of the reference as it turns with the place; of a beam r_x for k = 0."""
-        ...
-
-    def fixed_point(self, point: Any) -> Vector:
-        """A point that is fixed in the rigid body of the place."""
-        ...
 
 
 Equation = Scalar | Vector
@@ -84,6 +51,8 @@ class Joint(JointKind):
     holds_direction, on_line = False, False
     #: Whether all its places are at one point, and share their position.
     shares_position = False
+    #: Places that it needs at least.
+    fewest = 1
     ends: tuple[Any, ...]
     #: Whether one of its places is of the ground.
     grounded: bool
@@ -103,6 +72,11 @@ class Joint(JointKind):
         return hash((type(self), self.ends))
 
     @property
+    def label(self) -> str:
+        """Its kind and places, as messages name it."""
+        return f"{type(self).__name__.lower()} {shown(self.ends[0] if len(self.ends) == 1 else self.ends)}"
+
+    @property
     def places(self) -> tuple[Written, ...]:
         """Its places that are of bodies."""
         return tuple(end for end in self.ends if not is_point(end))
@@ -117,16 +91,19 @@ class Joint(JointKind):
 
         Parameters
         ----------
-        *places : JointPlace
-            In the order of the constructor.
+        *places
+            In the order of the constructor. Each has vectors: `position`; `axis(k)`, unit vector k of the reference as
+            it turns with the place, of a beam r_x for k = 0; `gradients`, all that a weld holds; `direction`, which a
+            torque turns. `rigid`: whether it is of a rigid body or the ground, with which `fixed_point(p)` moves.
         """
         raise NotImplementedError(f"{type(self).__name__} has no equations")
 
 
-def turned(vector: Vector, angle: Motion | None, name: str) -> Vector:
-    """A vector turned by a driven angle."""
-    if angle is None:
+def turned(vector: Vector, joint: Any) -> Vector:
+    """A vector turned by the driven angle of a joint."""
+    if (angle := getattr(joint, "angle", None)) is None:
         return vector
+    name = f"{joint.label} angle"
     return vector * Signal(angle, "cos", name) + vector.normal * Signal(angle, "sin", name)
 
 
@@ -139,18 +116,16 @@ def rotation(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
     return c * np.eye(2) + s * QUARTER_TURN
 
 
-def _same_direction(
-    a: JointPlace, b: JointPlace, angle: Motion | None, free: bool, name: str
-) -> list[Equation]:
+def _same_direction(a: Any, b: Any, joint: Any) -> list[Equation]:
     """The second place is turned against the first one by an angle from the reference, fixed or driven."""
-    if free or (a.rigid and b.rigid and angle is not None):
+    free, driven = (getattr(joint, name, None) for name in ("stretch", "angle"))
+    if free == "free" or (a.rigid and b.rigid and driven is not None):
         one, two = a.direction, b.direction
-        along = turned(one.mapped(rotation(one.start, two.start)), angle, name)
-        return [along.normal @ two]
+        return [turned(one.mapped(rotation(one.start, two.start)), joint).normal @ two]
     found: list[Equation] = []
     for k in range(max(len(a.gradients), len(b.gradients))):
         one, two = (place.gradients[min(k, len(place.gradients) - 1)] for place in (a, b))
-        found.append(two - turned(one.mapped(rotation(one.start, two.start)), angle, name))
+        found.append(two - turned(one.mapped(rotation(one.start, two.start)), joint))
     return found
 
 
@@ -181,7 +156,7 @@ class Pin(Joint):
         The places as one argument, as `dataclasses.replace` passes them; then `places` must be empty.
     """
 
-    holds_direction, on_line, shares_position = False, False, True
+    shares_position = True
     ends: tuple[Written, ...]
     grounded: bool
 
@@ -219,7 +194,7 @@ class Weld(Joint):
         As of `Pin`.
     """
 
-    holds_direction, on_line = True, False
+    holds_direction, fewest = True, 2
     ends: tuple[Written, ...]
     grounded: bool
     angle: Angle | None
@@ -236,28 +211,23 @@ class Weld(Joint):
         object.__setattr__(self, "ends", _ends("weld", places, ends))
         object.__setattr__(self, "grounded", flag("weld grounded", grounded))
         object.__setattr__(self, "angle", angle)
-        object.__setattr__(self, "stretch", one_of(f"weld of {shown(self.ends)} stretch", stretch, STRETCH))
-        _check_callable(f"weld of {shown(self.ends)} angle", angle, "(θ, θ', θ'')")
+        object.__setattr__(self, "stretch", one_of(f"{self.label} stretch", stretch, STRETCH))
+        _check_callable(f"{self.label} angle", angle, "(θ, θ', θ'')")
         if angle is not None and len(self.ends) != 2:
             raise PropertyError(
-                f"weld of {shown(self.ends)} has an angle and {len(self.ends)} place(s); two are needed: "
+                f"{self.label} has an angle and {len(self.ends)} place(s); two are needed: "
                 f"the second rotates relative to the first"
             )
 
     def equations(self, *places: Any) -> list[Equation]:
         """Positions are one; directions are those of the first place, at the angles of the reference."""
         _in_plane(self, places)
-        first, name = places[0], f"weld of {shown(self.ends)} angle"
+        first = places[0]
         found: list[Equation] = [first.position - first.position.start] if self.grounded else []
         for place in places[1:]:
             found.append(place.position - first.position)
-            found += _same_direction(first, place, self.angle, self.stretch == "free", name)
+            found += _same_direction(first, place, self)
         return found
-
-    def __repr__(self) -> str:
-        # what is absent is not written: texts and keys of scenes without it stay as they are
-        angle = f", angle={self.angle!r}" if self.angle is not None else ""
-        return f"Weld(ends={self.ends!r}, grounded={self.grounded!r}{angle}{_stretch_text(self)})"
 
 
 @final
@@ -275,15 +245,15 @@ class Clamp(Joint):
         the direction is prescribed, so that the beam can stretch at the clamp.
     """
 
-    holds_direction, on_line = True, False
+    holds_direction = True
     end: Written
     angle: Angle | None = None
     stretch: str = "held"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
-        object.__setattr__(self, "stretch", one_of(f"clamp {shown(self.end)} stretch", self.stretch, STRETCH))
-        _check_callable(f"clamp {shown(self.end)} angle", self.angle, "(θ, θ', θ'')")
+        object.__setattr__(self, "stretch", one_of(f"{self.label} stretch", self.stretch, STRETCH))
+        _check_callable(f"{self.label} angle", self.angle, "(θ, θ', θ'')")
 
     @property
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
@@ -303,20 +273,12 @@ class Clamp(Joint):
                     f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed"
                 )
             return [vector - vector.start for vector in (place.position, *place.gradients)]
-        name, start = f"clamp {shown(self.end)} angle", place.position.start
+        start = place.position.start
         vectors = [place.direction] if self.stretch == "free" else place.gradients
-        known = [turned(vector.initial, self.angle, name) for vector in vectors]
+        known = [turned(vector.initial, self) for vector in vectors]
         if self.stretch == "free":
             return [place.position - start, known[0].normal @ vectors[0]]
         return [place.position - start, *(v - w for v, w in zip(vectors, known, strict=True))]
-
-    def __repr__(self) -> str:
-        # as that of welds
-        return f"Clamp(end={self.end!r}, angle={self.angle!r}{_stretch_text(self)})"
-
-
-def _stretch_text(joint: Weld | Clamp) -> str:
-    return f", stretch={joint.stretch!r}" if joint.stretch != "held" else ""
 
 
 @dataclass(frozen=True)
@@ -340,7 +302,19 @@ class _LineGuide(Joint):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        _check_guide(self)  # type: ignore[arg-type]  # only the two kinds below are made
+        set_ = object.__setattr__
+        set_(self, "place", written(self.place))
+        along = np.array(vector(f"{self.label} direction", self.direction))
+        if not along.any():
+            raise PropertyError(
+                f"{self.label} direction is {shown(self.direction)}; a vector of some length is needed"
+            )
+        for _ in range(2):  # the second division makes the length 1 to the last digit
+            along /= np.linalg.norm(along)
+        set_(self, "direction", tuple(along.tolist()))
+        if self.body is not None:
+            set_(self, "body", text(f"{self.label} body", self.body))
+        _check_callable(f"{self.label} position", self.position, "(s, s', s'')")
 
     @property
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
@@ -365,9 +339,8 @@ class _LineGuide(Joint):
         along = line.direction.mapped(x * np.eye(2) + y * QUARTER_TURN)
         found: list[Equation] = [along.normal @ away]
         if self.position is not None:
-            name = f"{type(self).__name__.lower()} {shown(self.place)} position"
-            found.append(along @ away - Signal(self.position, "value", name))
-        return found + (_same_direction(line, place, None, False, "") if self.holds_direction else [])
+            found.append(along @ away - Signal(self.position, "value", f"{self.label} position"))
+        return found + (_same_direction(line, place, self) if self.holds_direction else [])
 
 
 @final
@@ -426,16 +399,9 @@ NO_TURN = 1e-12
 
 def drive_of(joint: Joint) -> tuple[str, Motion, str] | None:
     """Name of the history that drives a joint, the history and its unit; None where nothing drives it."""
-    match joint:
-        case Clamp():
-            return None if joint.angle is None else (f"clamp {shown(joint.end)} angle", joint.angle, "rad")
-        case Weld():
-            return None if joint.angle is None else (f"weld of {shown(joint.ends)} angle", joint.angle, "rad")
-        case Slider() | Prismatic():
-            name = f"{type(joint).__name__.lower()} {shown(joint.place)} position"
-            return None if joint.position is None else (name, joint.position, "m")
-        case _:
-            return None
+    what, unit = ("position", "m") if joint.on_line else ("angle", "rad")
+    history = getattr(joint, what, None) if type(joint) in JOINTS else None
+    return None if history is None else (f"{joint.label} {what}", history, unit)
 
 
 def check_drive(joint: Joint) -> None:
@@ -471,20 +437,3 @@ def _ends(kind: str, places: tuple[Written, ...], ends: Iterable[Written] | None
 def _check_callable(name: str, history: object, answer: str) -> None:
     if history is not None and not callable(history):
         raise PropertyError(f"{name} is {shown(history)}; None or a callable t -> {answer} is allowed")
-
-
-def _check_guide(guide: Guide) -> None:
-    set_, kind = object.__setattr__, type(guide).__name__.lower()
-    set_(guide, "place", written(guide.place))
-    what = f"{kind} {shown(guide.place)}"
-    x, y = vector(f"{what} direction", guide.direction)
-    size = hypot(x, y)
-    if size == 0.0:
-        raise PropertyError(
-            f"{what} direction is {shown(guide.direction)}; a vector of some length is needed"
-        )
-    x, y = x / size, y / size
-    set_(guide, "direction", (x / hypot(x, y), y / hypot(x, y)))
-    if guide.body is not None:
-        set_(guide, "body", text(f"{what} body", guide.body))
-    _check_callable(f"{what} position", guide.position, "(s, s', s'')")

@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import UnknownKindError, shown, unknown_kind
+from anctmm.errors import UnknownKindError, shown
 from anctmm.model.accepted import LoadKind, PairLike
-from anctmm.model.bodies import Beam
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.places import Place, Written, written
+from anctmm.model.places import Graph, Written, written
 from anctmm.model.velocities import Point
 from anctmm.validation import flag, number, text, vector
 
@@ -45,15 +44,10 @@ class Force(LoadKind):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
-        object.__setattr__(self, "follower", flag(f"force on {shown(self.end)} follower", self.follower))
+        object.__setattr__(self, "follower", flag(f"{load_text(self)} follower", self.follower))
         if not callable(self.value):
-            object.__setattr__(self, "value", vector(f"force on {shown(self.end)} (N)", self.value))
-        breaks_of(f"force on {shown(self.end)}", self.value)
-
-    def __repr__(self) -> str:
-        # what is absent is not written: texts and keys of scenes without it stay as they are
-        follower = ", follower=True" if self.follower else ""
-        return f"Force(end={self.end!r}, value={self.value!r}{follower})"
+            object.__setattr__(self, "value", vector(f"{load_text(self)} (N)", self.value))
+        breaks_of(load_text(self), self.value)
 
 
 @final
@@ -71,8 +65,8 @@ class Torque(LoadKind):
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
         if not callable(self.value):
-            object.__setattr__(self, "value", number(f"torque on {shown(self.end)} (N m)", self.value))
-        breaks_of(f"torque on {shown(self.end)}", self.value)
+            object.__setattr__(self, "value", number(f"{load_text(self)} (N m)", self.value))
+        breaks_of(load_text(self), self.value)
 
 
 @final
@@ -94,8 +88,8 @@ class LineLoad(LoadKind):
     def __post_init__(self) -> None:
         object.__setattr__(self, "body", text("line load body", self.body))
         if not callable(self.value):
-            object.__setattr__(self, "value", vector(f"line load on {shown(self.body)} (N/m)", self.value))
-        breaks_of(f"line load on {shown(self.body)}", self.value)
+            object.__setattr__(self, "value", vector(f"{load_text(self)} (N/m)", self.value))
+        breaks_of(load_text(self), self.value)
 
 
 Load = Force | Torque | LineLoad
@@ -103,29 +97,10 @@ Load = Force | Torque | LineLoad
 LOADS = (Force, Torque, LineLoad)
 
 
-class Placing(Protocol):
-    """The part of a scene that this module needs."""
-
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
-        ...
-
-    def beam(self, name: str) -> Beam:
-        """A beam."""
-        ...
-
-
 def load_text(load: Load) -> str:
     """A load as messages name it."""
-    match load:
-        case Force():
-            return f"force on {shown(load.end)}"
-        case Torque():
-            return f"torque on {shown(load.end)}"
-        case LineLoad():
-            return f"line load on {shown(load.body)}"
-        case _:
-            raise unknown_kind("load", load, LOADS)
+    kind = {Force: "force", Torque: "torque", LineLoad: "line load"}[type(load)]
+    return f"{kind} on {shown(load.body if isinstance(load, LineLoad) else load.end)}"
 
 
 def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -158,29 +133,15 @@ def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float
 
 def width_of(load: Load) -> int:
     """Numbers that the value of a load has."""
-    match load:
-        case Force() | LineLoad():
-            return 2
-        case Torque():
-            return 1
-        case _:
-            raise unknown_kind("load", load, LOADS)
+    return 1 if isinstance(load, Torque) else 2
 
 
 def varies(load: Load) -> bool:
     """Whether the generalized force of a load changes."""
-    match load:
-        case Force():
-            return load.follower or callable(load.value)
-        case Torque():
-            return True
-        case LineLoad():
-            return callable(load.value)
-        case _:
-            raise unknown_kind("load", load, LOADS)
+    return isinstance(load, Torque) or callable(load.value) or (isinstance(load, Force) and load.follower)
 
 
-def check_load(scene: Placing, load: Load) -> None:
+def check_load(scene: Graph, load: Load) -> None:
     """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0.
 
     Raises
@@ -192,17 +153,14 @@ def check_load(scene: Placing, load: Load) -> None:
     PropertyError
         If its history gives nothing at t = 0.
     """
-    match load:
-        case Force() | Torque():
-            place = scene.place(load.end)
-            if not place.turns and (isinstance(load, Torque) or load.follower):
-                raise UnknownKindError(
-                    f"{load!r} acts on the point mass {place.body.name!r}, which does not turn; "
-                    f"a dead Force is allowed there"
-                )
-        case LineLoad():
-            scene.beam(load.body)
-        case _:
-            raise unknown_kind("load", load, LOADS)
+    if isinstance(load, LineLoad):
+        scene.beam(load.body)
+    else:
+        place = scene.place(load.end)
+        if not place.turns and (isinstance(load, Torque) or load.follower):
+            raise UnknownKindError(
+                f"{load!r} acts on the point mass {place.body.name!r}, which does not turn; "
+                f"a dead Force is allowed there"
+            )
     if callable(load.value):
         tabulate(load_text(load), load.value, np.zeros(1), width_of(load))

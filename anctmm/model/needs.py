@@ -1,14 +1,12 @@
 """Features that a scene needs beyond beams, pins, welds and clamps, so that no solver ignores one."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
-from anctmm.errors import UnsupportedError, shown, unknown_kind
-from anctmm.model.bodies import BODIES, Beam
-from anctmm.model.connectors import CONNECTORS, RotationalSpring, Spring
-from anctmm.model.joints import JOINTS, Clamp, Pin, Prismatic, Slider, Weld
-from anctmm.model.kept import alike, kept
-from anctmm.model.loads import LOADS, Force, LineLoad, Torque
-from anctmm.model.places import Written
+from anctmm.errors import UnsupportedError, shown
+from anctmm.model.connectors import Connector, RotationalSpring, Spring
+from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Prismatic, Slider, Weld
+from anctmm.model.loads import Force, LineLoad, Torque
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene
 
@@ -35,32 +33,55 @@ MECHANISMS = {
 }
 #: Between the features of a combination.
 WITH = " + "
+#: Features of every thing of a kind.
+OF_KIND: dict[type, str] = {
+    RigidBody: "rigid-bodies",
+    PointMass: "point-masses",
+    Slider: "sliders",
+    Prismatic: "prismatic-joints",
+    Spring: "springs",
+    RotationalSpring: "rotational-springs",
+    LineLoad: "line-loads",
+}
 
 
-@kept
+def needs(scene: Scene) -> Iterator[tuple[str, object]]:
+    """Features of `MECHANISMS` that a scene needs, each with every thing that needs it."""
+    for thing in (*scene.bodies, *scene.joints, *scene.connectors, *scene.loads):
+        if type(thing) in OF_KIND:
+            yield OF_KIND[type(thing)], thing
+        of_thing = _of_joint(thing) if isinstance(thing, Joint) else _of_acting(thing)
+        yield from ((feature, thing) for feature, needed in of_thing if needed)
+        places = (thing.end,) if isinstance(thing, Force | Torque) else getattr(thing, "places", ())
+        if any(scene.place(place).interior for place in places):
+            yield "interior-joints" if isinstance(thing, Joint) else "interior-loads", thing
+
+
+def _of_joint(joint: Any) -> Iterator[tuple[str, bool]]:
+    yield "own-joints", type(joint) not in JOINTS
+    if isinstance(joint, Guide):
+        yield "driven-guides", joint.position is not None
+        yield "moving-guides", joint.body is not None
+    if isinstance(joint, Clamp | Weld):
+        yield "free-stretch", joint.stretch == "free"
+    if isinstance(joint, Weld):
+        yield "driven-welds", joint.angle is not None
+        yield "free-welds", joint.stretch == "free"
+
+
+def _of_acting(thing: Any) -> Iterator[tuple[str, bool]]:
+    if isinstance(thing, Connector):
+        yield "driven-springs", callable(thing.free)
+        yield "laws", thing.law is not None
+    yield "follower-forces", isinstance(thing, Force) and thing.follower
+
+
 def features_of(scene: Scene) -> Mapping[str, object]:
     """Features of `MECHANISMS` that a scene needs, each with the first thing that needs it."""
     found: dict[str, object] = {}
     for feature, thing in needs(scene):
         found.setdefault(feature, thing)
     return found
-
-
-def needs(scene: Scene) -> Iterator[tuple[str, object]]:
-    """Features of `MECHANISMS` that a scene needs, each with the thing that needs it."""
-    for body in scene.bodies:
-        match body:
-            case Beam():
-                pass
-            case RigidBody():
-                yield "rigid-bodies", body
-            case PointMass():
-                yield "point-masses", body
-            case _:
-                raise unknown_kind("body", body, BODIES)
-    yield from _of_joints(scene)
-    yield from _connectors(scene)
-    yield from _loads(scene)
 
 
 def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None:
@@ -90,69 +111,3 @@ def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None
                 f"{who} cannot do {shown(asked[found[0]])} of scene {scene.name!r}{beside}: {MECHANISMS[found[0]]} "
                 f"are not offered"
             )
-
-
-def _inside(scene: Scene, places: Iterable[Written]) -> bool:
-    return any(scene.place(place).interior for place in places)
-
-
-@alike
-def _of_joints(scene: Scene) -> tuple[tuple[str, object], ...]:
-    return tuple(_joints(scene))
-
-
-def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
-    for joint in scene.joints:
-        if _inside(scene, joint.places):
-            yield "interior-joints", joint
-        match joint:
-            case Pin():
-                pass
-            case Clamp() | Weld():
-                if isinstance(joint, Weld) and joint.angle is not None:
-                    yield "driven-welds", joint
-                if joint.stretch == "free":
-                    yield "free-stretch", joint
-                    if isinstance(joint, Weld):
-                        yield "free-welds", joint
-            case Slider() | Prismatic():
-                yield "sliders" if isinstance(joint, Slider) else "prismatic-joints", joint
-                if joint.position is not None:
-                    yield "driven-guides", joint
-                if joint.body is not None:
-                    yield "moving-guides", joint
-            case _ if type(joint) not in JOINTS:
-                yield "own-joints", joint
-
-
-def _connectors(scene: Scene) -> Iterator[tuple[str, object]]:
-    for connector in scene.connectors:
-        match connector:
-            case Spring():
-                yield "springs", connector
-                if callable(connector.length):
-                    yield "driven-springs", connector
-            case RotationalSpring():
-                yield "rotational-springs", connector
-                if callable(connector.angle):
-                    yield "driven-springs", connector
-            case _:
-                raise unknown_kind("connector", connector, CONNECTORS)
-        if connector.law is not None:
-            yield "laws", connector
-        if _inside(scene, connector.places):
-            yield "interior-loads", connector
-
-
-def _loads(scene: Scene) -> Iterator[tuple[str, object]]:
-    for load in scene.loads:
-        match load:
-            case Force() | Torque():
-                if _inside(scene, (load.end,)):
-                    yield "interior-loads", load
-                if isinstance(load, Force) and load.follower:
-                    yield "follower-forces", load
-            case LineLoad():
-                yield "line-loads", load
-            case _:
-                raise unknown_kind("load", load, LOADS)

@@ -1,7 +1,7 @@
 """Places of bodies: their notation and meaning."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from anctmm.errors import UnknownNameError, shown
 from anctmm.model.bodies import Beam, Body
@@ -111,3 +111,34 @@ def place_in(body: Body, key: Any) -> Key | None:
             return int(key) if key in (0.0, 1.0) else key
         case RigidBody() | PointMass():
             return key if isinstance(key, str) and body.has(key) else None
+
+
+class Graph(Protocol):
+    """The part of a scene that functions of the model need: `anctmm.model.scene.Scene` has it."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies."""
+        ...
+
+    @property
+    def joints(self) -> tuple[Any, ...]:
+        """All joints."""
+        ...
+
+    @property
+    def length(self) -> float:
+        """Length that positions are compared with, m."""
+        ...
+
+    def body(self, name: str) -> Body:
+        """The body of a name."""
+        ...
+
+    def beam(self, name: str) -> Beam:
+        """The beam of a name."""
+        ...
+
+    def place(self, place: Written) -> Place:
+        """A place of a body."""
+        ...

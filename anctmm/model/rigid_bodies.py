@@ -6,7 +6,7 @@ from functools import cached_property
 from math import hypot
 from typing import TYPE_CHECKING, Any, final
 
-from anctmm.errors import PropertyError, reason, shown
+from anctmm.errors import PropertyError, shown
 from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.velocities import Point
 from anctmm.validation import LONGEST, FrozenMapping, number, positive, text, vector
@@ -165,6 +165,11 @@ class PointMass(BodyKind):
         set_(self, "velocity", vector(f"{what} velocity (m/s)", self.velocity))
 
     @property
+    def center(self) -> Point:
+        """Centre of mass: its position, m."""
+        return self.position
+
+    @property
     def extent(self) -> float:
         """None."""
         return 0.0
@@ -201,14 +206,8 @@ def _points(what: str, points: Any) -> FrozenMapping:
     needed = "a mapping of names to points (x, y) in the reference is needed, such as {'a': (0.5, 0.0)}"
     if not isinstance(points, Mapping):
         raise PropertyError(f"{what} points is {shown(points)}; {needed}")
-    try:
-        items = list(points.items())
-    except Exception as error:  # a mapping of the user's own
-        raise PropertyError(
-            f"{what} points is {shown(points)}, which raises {reason(error)}; {needed}"
-        ) from error
     found: dict[str, Point] = {}
-    for name, place in items:
+    for name, place in points.items():
         key = text(f"{what} name of a point", name)
         if "." in key:
             raise PropertyError(f"{what} has a point {key!r}; a name without a dot is needed")

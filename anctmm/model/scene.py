@@ -1,11 +1,9 @@
 """The physics of a scene: bodies, joints, loads and gravity. It knows no mesh, no step and no solver."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from inspect import signature
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from anctmm.errors import (
@@ -14,21 +12,18 @@ from anctmm.errors import (
     UnknownKindError,
     UnknownNameError,
     listed,
-    reason,
     shown,
-    unknown_kind,
 )
 from anctmm.model.accepted import BodyKind, ConnectorKind, JointKind, LoadKind, PairLike
 from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
 from anctmm.model.checks.joints import check_joints
 from anctmm.model.checks.start import check_start
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, check_drive
-from anctmm.model.kept import PREFIX
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
 from anctmm.model.places import PLACE_NEEDED, SIDES, Key, Place, Written, place_in, written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.validation import text, vector
+from anctmm.validation import several, text, vector
 
 __all__ = [
     "Beam",
@@ -121,19 +116,10 @@ class Scene:
             twice, times = Counter(b.name for b in self.bodies).most_common(1)[0]
             raise DuplicateNameError(f"body name {twice!r} is used {times} times; once is allowed")
         check_joints(self)
-        for joint in self.joints:
-            check_drive(joint)
-        for joint in self.own_joints:
-            for place in joint.places:
-                self.place(place)
         for connector in self.connectors:
             check_connector(self, connector)
         for load in self.loads:
             check_load(self, load)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What is stored of it: facts that were found are found again."""
-        return {name: value for name, value in vars(self).items() if not name.startswith(PREFIX)}
 
     @property
     def dim(self) -> int:
@@ -238,23 +224,11 @@ class Scene:
         return place.body.name, place.key if isinstance(place.key, str) else float(place.key)
 
 
-def scene_that_does_not_start(**parts: Any) -> Scene:
-    """A scene of what `Scene` takes, checked except for its initial velocities: they may not fit joints and drives.
+class SceneToBeStarted(Scene):
+    """A scene checked except for its initial velocities, which may not fit joints and drives yet."""
 
-    Raises
-    ------
-    TypeError
-        If a part is missing, or none of a scene.
-    SceneError
-        As of `Scene`.
-    """
-    given = signature(Scene).bind(**parts)
-    given.apply_defaults()
-    found = object.__new__(Scene)
-    for what, value in given.arguments.items():
-        object.__setattr__(found, what, value)
-    found._check()
-    return found
+    def __post_init__(self) -> None:
+        self._check()
 
 
 def checked_scene(scene: object) -> Scene:
@@ -272,38 +246,19 @@ def checked_scene(scene: object) -> Scene:
 
 def _places_in_words(body: Body) -> str:
     """Places of a body as they are written."""
-    match body:
-        case Beam():
-            return f"{listed(f'{body.name}.{side}' for side in SIDES)} and ({shown(body.name)}, fraction)"
-        case RigidBody() | PointMass():
-            return listed(f"{body.name}.{key}" for key in body.keys)
-        case _:
-            raise unknown_kind("body", body, BODIES)
+    if isinstance(body, Beam):
+        return f"{listed(f'{body.name}.{side}' for side in SIDES)} and ({shown(body.name)}, fraction)"
+    return listed(f"{body.name}.{key}" for key in body.keys)
 
 
 def _all_of(what: str, things: object, kinds: tuple[type, ...], base: type | None = None) -> tuple[Any, ...]:
     """Things of an ordered iterable, each of exactly one of the kinds, or of a user's own subclass of the base."""
     names = ", ".join(kind.__name__ for kind in kinds)
-    needed = f"a list of {names} is needed"
-    if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
-        raise SceneError(f"scene {what} is {shown(things)}; {needed}")
-    found: list[Any] = []
-    try:
-        for thing in islice(things, MOST + 1):
-            own = base is not None and isinstance(thing, base) and not isinstance(thing, kinds)
-            if type(thing) not in kinds and not own:
-                raise SceneError(
-                    f"scene {what} hold {shown(thing)} of type {type(thing).__name__}; allowed are {names}"
-                )
-            found.append(thing)
-    except SceneError:
-        raise
-    except Exception as error:  # an iterable of the user's own
-        raise SceneError(
-            f"scene {what} is {shown(things)}, which raises {reason(error)}; {needed}"
-        ) from error
-    if len(found) > MOST:
-        raise SceneError(
-            f"scene {what} is {shown(things)} of more than {MOST} things; {needed}, no longer one"
-        )
+    found = several(f"scene {what} is", things, MOST, f"a list of {names} is needed", SceneError)
+    for thing in found:
+        own = base is not None and isinstance(thing, base) and not isinstance(thing, kinds)
+        if type(thing) not in kinds and not own:
+            raise SceneError(
+                f"scene {what} hold {shown(thing)} of type {type(thing).__name__}; allowed are {names}"
+            )
     return tuple(found)

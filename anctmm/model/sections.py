@@ -4,8 +4,7 @@ See anctmm/elimination/method.md, section 1.
 """
 
 from dataclasses import dataclass, field
-from math import pi, sqrt
-from typing import Any
+from math import pi
 
 from anctmm.errors import PropertyError
 from anctmm.validation import LONGEST, SHORTEST, positive
@@ -47,17 +46,6 @@ class Section:
             )
 
 
-def _size(earlier: Any) -> Any:
-    """A size that makes a section of a known shape, beside its moments, by which alone sections are compared.
-
-    Parameters
-    ----------
-    earlier : callable
-        Section → size, for one of a file that was written when sections had their moments alone.
-    """
-    return field(repr=False, compare=False, metadata={"earlier": earlier})
-
-
 @dataclass(frozen=True, repr=False, eq=False)
 class Circle(Section):
     """Full circle; J = πr⁶/8.
@@ -71,7 +59,7 @@ class Circle(Section):
     area: float = field(init=False)
     second_moment: float = field(init=False)
     fourth_moment: float = field(init=False)
-    diameter: float = _size(lambda s: 2.0 * sqrt(s.area / pi))
+    diameter: float = field(repr=False, compare=False)
 
     def __post_init__(self) -> None:
         d = positive("circle diameter (m)", self.diameter, low=SHORTEST, high=LONGEST)
@@ -94,8 +82,8 @@ class Rectangle(Section):
     area: float = field(init=False)
     second_moment: float = field(init=False)
     fourth_moment: float = field(init=False)
-    width: float = _size(lambda s: s.area / sqrt(12.0 * s.second_moment / s.area))
-    height: float = _size(lambda s: sqrt(12.0 * s.second_moment / s.area))
+    width: float = field(repr=False, compare=False)
+    height: float = field(repr=False, compare=False)
 
     def __post_init__(self) -> None:
         b = positive("rectangle width (m)", self.width, low=SHORTEST, high=LONGEST)

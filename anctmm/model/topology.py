@@ -1,53 +1,18 @@
 """Junctions: the places where ends of bodies meet, derived from the joints as edges of a graph."""
 
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
-from anctmm.errors import unknown_kind
-from anctmm.model.bodies import BODIES, Beam, Body
+from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
-from anctmm.model.joints import (
-    Clamp,
-    Guide,
-    Joint,
-    Pin,
-    Prismatic,
-    Slider,
-    Weld,
-    built_in,
-    drive_of,
-    unknown_joint,
-)
-from anctmm.model.kept import alike, kept
-from anctmm.model.places import End, Place, Written
-from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
+from anctmm.model.joints import Clamp, Guide, Joint, Weld, built_in, drive_of
+from anctmm.model.places import End, Graph, Place
+from anctmm.model.rigid_bodies import CENTER, PointMass
 
 T = TypeVar("T", bound=Hashable)
 #: What stands for the ground among names of bodies, which are texts.
 GROUND = None
-
-
-class Graph(Protocol):
-    """The part of a scene that describes its topology, such as `anctmm.model.scene.Scene`."""
-
-    @property
-    def bodies(self) -> Sequence[Body]:
-        """All bodies."""
-        ...
-
-    @property
-    def joints(self) -> Sequence[Joint]:
-        """All joints."""
-        ...
-
-    def body(self, name: str) -> Body:
-        """The body of a name."""
-        ...
-
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +27,11 @@ class Junction:
         Whether the place is held.
     clamps : tuple of Clamp or None
         For each group the clamp, fixed or driven, that holds its direction.
-    hinges : tuple of Weld or Clamp
-        What holds directions, but no gradients: driven welds, each of which turns the group of its second end against
-        that of its first, and welds and clamps that leave the stretch free.
-    guides : tuple of Slider or Prismatic
-        What guides it along lines.
     """
 
     groups: tuple[tuple[End, ...], ...]
     grounded: bool
     clamps: tuple[Clamp | None, ...]
-    hinges: tuple[Weld | Clamp, ...] = ()
-    guides: tuple[Guide, ...] = ()
 
     @property
     def ends(self) -> tuple[End, ...]:
@@ -119,21 +77,19 @@ class HeldDirection(NamedTuple):
     place: Place
 
 
-def held_directions(scene: Graph) -> list[HeldDirection]:
+def held_directions(scene: Graph) -> Iterator[HeldDirection]:
     """All directions that joints hold, or turn, against another body or against the ground."""
-    found: list[HeldDirection] = []
     for joint in scene.joints:
-        if joint.holds_direction:
-            first, *others = [scene.place(end) for end in joint.ends]
-            if isinstance(joint, Weld):
-                found += [HeldDirection(joint, first, other) for other in others]
-            else:
-                body = joint.body if isinstance(joint, Guide) else None
-                found.append(HeldDirection(joint, Place(scene.body(body), CENTER) if body else None, first))
-    return found
+        if not joint.holds_direction:
+            continue
+        first, *others = [scene.place(end) for end in joint.ends]
+        if isinstance(joint, Weld):
+            yield from (HeldDirection(joint, first, other) for other in others)
+        else:
+            body = joint.body if isinstance(joint, Guide) else None
+            yield HeldDirection(joint, Place(scene.body(body), CENTER) if body else None, first)
 
 
-@alike
 def turning_bodies(scene: Graph) -> list[str]:
     """Names of bodies whose turns are to be counted: those of all others follow.
 
@@ -165,12 +121,6 @@ def joined_bodies(scene: Graph, connectors: Iterable[Connector]) -> Iterator[tup
         yield one.body.name, two.body.name if isinstance(two, Place) else GROUND
 
 
-def end_of(scene: Graph, place: Written) -> End:
-    """Body's name and key of a place."""
-    return scene.place(place).end
-
-
-@kept
 def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     """All junctions of a scene.
 
@@ -187,69 +137,31 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     tuple of Junction
     """
     places, directions = Sets[End](), Sets[End]()
-    held: list[End] = []
-    clamps: list[tuple[End, Clamp]] = []
-    hinges: list[tuple[End, Weld | Clamp]] = []
-    guides: list[tuple[End, Guide]] = []
-    named: dict[str, set[End]] = {}
-    for joint in built_in(scene.joints):
-        ends = [end_of(scene, place) for place in joint.ends]
-        for end in ends:
-            named.setdefault(end[0], set()).add(end)
-        first, *others = ends
+    joined = [(joint, [scene.place(place).end for place in joint.ends]) for joint in built_in(scene.joints)]
+    for joint, (first, *others) in joined:
         for other in others:
             places.unite(first, other)
+            if isinstance(joint, Weld) and joint.angle is None and joint.stretch == "held":
+                directions.unite(first, other)
+    clamps, grounded, named = dict[End, Clamp](), set[End](), dict[str, set[End]]()
+    for joint, ends in joined:
         if joint.grounded:
-            held.append(first)
-        match joint:
-            case Pin():
-                pass
-            case Weld(angle=None, stretch="held"):
-                for other in others:
-                    directions.unite(first, other)
-            case Clamp(stretch="held"):
-                clamps.append((first, joint))
-            case Weld() | Clamp():
-                hinges.append((first, joint))
-            case Slider() | Prismatic():
-                guides.append((first, joint))
-            case _:
-                raise unknown_joint(joint)
-    grounded = {places.of(end) for end in held}
-    clamped = {directions.of(end): clamp for end, clamp in clamps}
+            grounded.add(places.of(ends[0]))
+        if isinstance(joint, Clamp) and joint.stretch == "held":
+            clamps[directions.of(ends[0])] = joint
+        for end in ends:
+            named.setdefault(end[0], set()).add(end)
+    found = []
     ends = [end for body in scene.bodies for end in _ends_of(body, named.get(body.name, set()))]
-    turned, guided = _by_set(places, hinges), _by_set(places, guides)
-    junctions = []
     for members in places.among(ends):
-        groups, place = tuple(map(tuple, directions.among(members))), places.of(members[0])
-        junctions.append(
-            Junction(
-                groups,
-                place in grounded,
-                tuple(clamped.get(directions.of(group[0])) for group in groups),
-                tuple(turned.get(place, ())),
-                tuple(guided.get(place, ())),
-            )
-        )
-    return tuple(junctions)
+        groups = tuple(map(tuple, directions.among(members)))
+        held = tuple(clamps.get(directions.of(group[0])) for group in groups)
+        found.append(Junction(groups, places.of(members[0]) in grounded, held))
+    return tuple(found)
 
 
 def _ends_of(body: Body, named: set[End]) -> list[End]:
     """Places of a body that are in junctions, in their order."""
-    match body:
-        case Beam():
-            return sorted({(body.name, 0), (body.name, 1), *named}, key=lambda end: float(end[1]))
-        case RigidBody() | PointMass():
-            return [(body.name, key) for key in body.keys if (body.name, key) in named]
-        case _:
-            raise unknown_kind("body", body, BODIES)
-
-
-J = TypeVar("J", bound=Joint)
-
-
-def _by_set(places: Sets[End], joints: Iterable[tuple[End, J]]) -> dict[End, list[J]]:
-    found: dict[End, list[J]] = {}
-    for end, joint in joints:
-        found.setdefault(places.of(end), []).append(joint)
-    return found
+    if not isinstance(body, Beam):
+        return [(body.name, key) for key in body.keys if (body.name, key) in named]
+    return sorted({(body.name, 0), (body.name, 1), *named}, key=lambda end: float(end[1]))

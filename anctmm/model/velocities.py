@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,18 @@ from anctmm.validation import LONGEST, number, vector
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
-#: Points at which the size of a velocity is looked for.
+#: Points at which a velocity is looked at.
 SAMPLES = 9
-#: Error of a slope's last digits, of the velocity's size.
-FINEST = 1e-12
+#: Parts of the length over which slopes are found, one after another until their error is small; such an error, of the
+#: velocity.
+REACHES, FINEST = (0.1, 0.01, 1e-3), 1e-11
+
+
+def turned(spin: Any, arm: Any) -> Array:
+    """Velocity of the end of an arm that turns: spin (rad/s) is a number in the plane, a vector in space."""
+    if len(arm) == 2:
+        return np.array([-spin * arm[1], spin * arm[0]])
+    return np.cross(spin, arm)
 
 
 @dataclass(frozen=True)
@@ -60,59 +68,22 @@ class RigidVelocity:
         return self.velocity[0] - self.spin * y, self.velocity[1] + self.spin * x
 
 
-class HasVelocity(Protocol):
-    """The part of a beam that this module needs."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    def velocity_at(self, fraction: float) -> Point:
-        """Initial velocity at a fraction of the length, m/s."""
-        ...
-
-
-@dataclass(frozen=True)
-class PartVelocity:
-    """Initial velocity of a part of a beam between two fractions of its length."""
-
-    beam: HasVelocity
-    first: float
-    last: float
-
-    def __call__(self, fraction: float) -> Point:
-        """Velocity at a fraction of the part's length, m/s."""
-        return self.beam.velocity_at(self.whole(fraction))
-
-    def whole(self, fraction: float) -> float:
-        """Fraction of the beam's length at one of the part's."""
-        return (1.0 - fraction) * self.first + fraction * self.last
-
-
 def size_of(velocity: Callable[[float], Point]) -> float:
     """Largest component of a velocity at a few fractions, m/s; 1 where it vanishes."""
     return max(max(map(abs, velocity(s))) for s in np.linspace(0.0, 1.0, SAMPLES).tolist()) or 1.0
 
 
 def second_derivative(velocity: Callable[[float], Point], fraction: float, elements: int) -> Array:
-    """Second derivative of a velocity by the fraction, (2,), m/s, at a node of so many equal elements.
+    """Second derivative of a velocity by the fraction, (dim,), m/s, at a node of so many equal elements.
 
     That of a polynomial through the velocities at points of both elements that meet there, or of the one at an end: as
     exact as a polynomial of degree five in each element needs it.
     """
-    reach = 1.0 / elements
-    low, high = max(0.0, fraction - reach), min(1.0, fraction + reach)
-    nodes = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
-    values = np.array([velocity(0.5 * (low + high) + 0.5 * (high - low) * x) for x in nodes.tolist()])
-    scale = 2.0 / (high - low)
-    fitted = np.polynomial.chebyshev.chebfit(nodes, values, SAMPLES - 1)
-    bent = np.polynomial.chebyshev.chebder(fitted, 2, scl=scale)
-    return np.asarray(np.polynomial.chebyshev.chebval(scale * (fraction - 0.5 * (low + high)), bent))
+    return _derivative(velocity, fraction, 1.0 / elements, 2)
 
 
-def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -> tuple[Point, float]:
-    """Derivative of a velocity by the fraction, and its error, m/s; one-sided at the ends.
+def slope_of(velocity: Callable[[float], Any], fraction: float, size: float) -> tuple[Array, float]:
+    """Derivative of a velocity by the fraction, (dim,), and its error, m/s; one-sided at the ends.
 
     Parameters
     ----------
@@ -121,22 +92,20 @@ def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -
     size : float
         Of the velocity, m/s: the unit must not decide how well its slope is found.
     """
-    side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
-    step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
+    for reach in REACHES:
+        wide, found = (_derivative(velocity, fraction, r, 1) for r in (reach, 0.5 * reach))
+        error = float(np.abs(wide - found).max())
+        if error <= FINEST * max(size, float(np.abs(found).max())):
+            break
+    return found, error
 
-    def component(s: Array, axis: Array) -> Array:
-        values = [velocity(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
-        return np.reshape(values, np.broadcast(s, axis).shape)
 
-    from scipy.differentiate import derivative  # takes long to load, and only functions of the user's need it
-
-    slope: Any = derivative  # its stubs do not know a direction given as a number
-    found = slope(
-        component,
-        np.full(2, fraction),
-        args=(np.arange(2),),
-        initial_step=step,
-        step_direction=side,
-        tolerances={"atol": FINEST * size, "rtol": FINEST},
-    )
-    return (float(found.df[0]), float(found.df[1])), float(np.max(found.error))
+def _derivative(velocity: Callable[[float], Any], fraction: float, reach: float, order: int) -> Array:
+    """That of a polynomial through the velocities at points that are no farther away, (dim,), m/s."""
+    low, high = max(0.0, fraction - reach), min(1.0, fraction + reach)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    nodes = np.cos(np.pi * np.arange(SAMPLES) / (SAMPLES - 1))
+    values = np.array([velocity(min(max(middle + half * x, low), high)) for x in nodes.tolist()])
+    fitted = np.polynomial.chebyshev.chebfit(nodes, values, SAMPLES - 1)
+    bent = np.polynomial.chebyshev.chebder(fitted, order, scl=1.0 / half)
+    return np.asarray(np.polynomial.chebyshev.chebval((fraction - middle) / half, bent))

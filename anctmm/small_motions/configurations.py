@@ -1,18 +1,12 @@
 """Configurations about which motions are linearised: the last output of a solution, or that of a steady spin."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError, SolverError, shown
-from anctmm.model.connectors import RotationalSpring, ends_of
-from anctmm.model.places import Place
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 from anctmm.small_motions.linearised import SmallMotions
-from anctmm.system.body_meshes import BeamMesh, MassMesh, RigidMesh
-from anctmm.system.mesh import Mesh
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]
@@ -101,48 +95,3 @@ def checked(system: System, about: object) -> Solution:
             f"equilibrium is needed"
         )
     return about
-
-
-def last_of(mesh: Mesh, about: Solution) -> Array:
-    """Coordinates of the last output of a solution, (rows, nodes)."""
-    found = dict[str, Array]()
-    for name, body in mesh.bodies.items():
-        field: Any = about.fields[name]
-        match body:
-            case BeamMesh():
-                found[name] = field.coordinates[-1]
-            case MassMesh():
-                found[name] = field.coordinates[-1, None, :1]
-            case RigidMesh():
-                found[name] = _rigid(body, field)
-            case _:
-                found[name] = field.coordinates[-1].reshape(2, 2, 3)
-    return mesh.flat(found)
-
-
-def _rigid(body: RigidMesh, field: Any) -> Array:
-    """Coordinates of a rigid body, (1, 2, 2), from its centre of mass and direction, or from the ends of a bar."""
-    q = field.coordinates[-1]
-    if isinstance(
-        field, HermiteField
-    ):  # from the direction of the bar that of what is (1, 0) in the reference
-        (x, y), (c, s) = q[0, 1], np.subtract(body.body.end, body.body.start) / body.body.length
-        center, (c, s) = 0.5 * (q[0, 0] + q[1, 0]), (c * x + s * y, c * y - s * x)
-    else:
-        center, (c, s) = q
-    turn = np.array([[c, -s], [s, c]])
-    if body.anchors is None:
-        return np.array([[center, turn[:, 0]]])
-    return np.array([[center + turn @ (point - body.center) for point in body.anchors]])
-
-
-def count_turns(system: System, about: Solution) -> None:
-    """Set the angles of rotational springs from which whole turns are counted."""
-    for n, connector in enumerate(system.scene.connectors):
-        if isinstance(connector, RotationalSpring):
-            one, two = ends_of(system.scene, connector)
-            angles = [
-                about.whole_turns.angle(place.body.name, place.key)[-1] if isinstance(place, Place) else 0.0
-                for place in (one, two)
-            ]
-            system.tables.acting.now[n, 1] = angles[0] if two is None else angles[1] - angles[0]

@@ -19,6 +19,7 @@ from anctmm.elimination.factor import solve
 from anctmm.model.expressions import QUARTER_TURN
 from anctmm.small_motions.frames import GROUND, Frame
 from anctmm.system.acting import FOLLOWER
+from anctmm.system.assembled import assembled, coordinates_of
 from anctmm.system.body_meshes import RigidMesh
 from anctmm.system.elastic import stiffened
 from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
@@ -26,7 +27,6 @@ from anctmm.system.rows import REGULARISATION
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Sparse = Any
 
 EPS = float(np.finfo(np.float64).eps)
@@ -60,12 +60,10 @@ class SmallMotions:
         inputs = system.inputs(np.array([time]))
         self._given = inputs.signals[0], part * inputs.loads[0], inputs.free[0], time
         system.tables.acting.part[0] = part
-        at, dim = system.numbering.at, system.mesh.dim
-        starts = np.unique(at[at >= 0])
-        #: Places of the free coordinates among the unknowns.
-        self._free = (starts[:, None] + np.arange(dim)).ravel()
-        number = np.searchsorted(self._free, np.maximum(at, 0))
-        self._at = np.where(at >= 0, number, -1)
+        at = system.numbering.at
+        #: Places of the free coordinates among the unknowns, and numbers of nodal vectors among them.
+        self._free = coordinates_of(system)
+        self._at = np.where(at >= 0, np.searchsorted(self._free, np.maximum(at, 0)), -1)
 
     def at(self, q: Array, spin: float) -> "SmallMotions":
         """The same about other coordinates, in a frame that turns at another rate."""
@@ -173,16 +171,7 @@ class SmallMotions:
     def _matrix(self, mass: float, stiffness: float, rate: float) -> Sparse:
         """mass · M + stiffness · K without spin, of the free coordinates."""
         self._assemble(mass, stiffness, rate)
-        matrix, size = self.system.tables.matrix, self.system.mesh.rows
-        plan, blocks, k = matrix.plan, self.system.numbering.blocks, np.arange(size)
-        i = np.concatenate([np.arange(blocks), plan.row])
-        j = np.concatenate([np.arange(blocks), np.repeat(np.arange(blocks), np.diff(plan.start))])
-        one, two = np.broadcast_arrays(i[:, None, None] * size + k[:, None], j[:, None, None] * size + k)
-        whole = sparse.coo_matrix(
-            (matrix.flat.copy(), (one.ravel(), two.ravel())), (blocks * size, blocks * size)
-        ).tocsr()
-        found = whole[self._free][:, self._free]
-        return (sparse.tril(found) + sparse.tril(found, -1).T).tocsr()
+        return assembled(self.system).tocsr()[self._free][:, self._free]
 
     def _assemble(self, mass: float, stiffness: float, rate: float) -> None:
         system, still = self.system, np.zeros_like(self.q)
@@ -194,35 +183,25 @@ class SmallMotions:
         """What forces that turn with their place add to the symmetric part of their stiffness, ½ (a bᵀ − b aᵀ)."""
         acting, found = self.system.tables.acting, sparse.csr_matrix((self.size, self.size))
         for n in np.flatnonzero(acting.load_kind == FOLLOWER):
-            direction = self._form_at(acting.load_turns[n])
+            by_q, direction = self._form(acting.load_turns[n])
             (x, y), (c, s) = direction / np.hypot(*direction), acting.rest[n]
             turn = (c * x + s * y) * np.eye(2) + (c * y - s * x) * QUARTER_TURN
-            across = QUARTER_TURN @ turn @ self._given[1][n]
-            a = self._by_form(acting.load_form[n], -across)
-            b = self._by_form(acting.load_turns[n], QUARTER_TURN @ direction / (direction @ direction))
+            force = turn @ self._given[1][n]
+            a = sparse.csr_matrix(-(QUARTER_TURN @ force) @ self._form(acting.load_form[n])[0])
+            b = sparse.csr_matrix(QUARTER_TURN @ direction / (direction @ direction) @ by_q)
             found = found + 0.5 * (a.T @ b - b.T @ a)
         return found
 
-    def _form_at(self, n: int) -> Array:
-        forms = self.system.tables.acting.forms
-        return forms.b[n] + sum(A @ self._vector(i, a) for i, a, A in self._terms(n))
-
-    def _terms(self, n: int) -> Any:
-        forms = self.system.tables.acting.forms
-        span = slice(forms.start[n], forms.start[n + 1])
-        return zip(forms.node[span], forms.component[span], forms.A[span], strict=True)
-
-    def _vector(self, node: int, component: int) -> Array:
-        return self.q[component : component + self.system.mesh.dim, node]
-
-    def _by_form(self, n: int, weights: Array) -> Sparse:
-        """Derivative by the free coordinates of weights · form n, (1, size)."""
-        row, dim = np.zeros(self.size), self.system.mesh.dim
-        for node, component, A in self._terms(n):
-            at = self._at[component // dim, node]
-            if at >= 0:
-                row[at : at + dim] += weights @ A
-        return sparse.csr_matrix(row)
+    def _form(self, n: int) -> tuple[Array, Array]:
+        """Derivative by the free coordinates, (dim, size), and value, (dim,), of a form of places."""
+        forms, dim = self.system.tables.acting.forms, self.system.mesh.dim
+        by_q, value = np.zeros((dim, self.size)), forms.b[n].copy()
+        for k in range(forms.start[n], forms.start[n + 1]):
+            node, component, A = forms.node[k], forms.component[k], forms.A[k]
+            value += A @ self.q[component : component + dim, node]
+            if (at := self._at[component // dim, node]) >= 0:
+                by_q[:, at : at + dim] += A
+        return by_q, value
 
     def residual(self) -> Array:
         """f + Ω² M (q − centre) − Jᵀλ of the free coordinates; rows have their J and values then."""

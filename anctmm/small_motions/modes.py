@@ -1,7 +1,6 @@
 """Natural modes of a scene about its start, an equilibrium, a motion that has come to rest, or a steady spin."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 from warnings import warn
 
@@ -9,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise
-from anctmm.errors import DiscretisationError, EquilibriumWarning, SolverError
+from anctmm.errors import DiscretisationError, EquilibriumWarning
 from anctmm.integrators.output import field_of
+from anctmm.integrators.starting import coordinates_of, set_angles
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
-from anctmm.small_motions.configurations import checked, count_turns, last_of, steady_state
+from anctmm.small_motions.configurations import checked, steady_state
 from anctmm.small_motions.eigenvalues import lowest
 from anctmm.small_motions.frames import GROUND, frame_at, spun
 from anctmm.small_motions.linearised import SmallMotions
@@ -32,8 +32,6 @@ MOST = 10_000
 #: Distance from an equilibrium that counts as none, of the scene's length; and part of the square of the largest
 #: frequency found, that is a motion without stiffness.
 AWAY, SLOW = 1e-3, 1e-12
-#: Elements of a beam above which rounding may hide low frequencies, and those of a mesh that has all digits.
-FINE, COARSE = 400, 4
 
 
 def modes(
@@ -95,8 +93,6 @@ def modes(
         )
     problem = _problem(system, about, spin)
     rates, vectors = lowest(problem, count)
-    if about is None:
-        _check_digits(problem, rates)
     flat = np.array([problem.spread(x) for x in vectors.T])
     shapes, size = _normalised(_of_bodies(system.mesh, flat))
     if about is not None and not about.static:
@@ -119,8 +115,8 @@ def _problem(system: System, about: Any, spin: float) -> SmallMotions:
     about = checked(system, about)
     time = 0.0 if about.static else float(about.t[-1])
     frame = GROUND if about.static else frame_at(scene, time, system.signals)
-    count_turns(system, about)
-    problem = SmallMotions(system, last_of(system.mesh, about), time, 1.0, frame)
+    set_angles(system, about)
+    problem = SmallMotions(system, coordinates_of(system, about, -1), time, 1.0, frame)
     problem.set_multipliers()
     return problem
 
@@ -178,25 +174,4 @@ def _check_balance(problem: SmallMotions, rates: Complex, vectors: Complex) -> N
             f"come to rest first, or give about=at.solve_static(...)",
             EquilibriumWarning,
             stacklevel=3,
-        )
-
-
-def _check_digits(problem: SmallMotions, rates: Complex) -> None:
-    """Refuse frequencies of fine meshes that rounding made zero: on a coarse mesh fewer motions need no force.
-
-    Raises
-    ------
-    SolverError
-    """
-    scene, run = problem.system.scene, problem.system.run
-    cut = {name: elements for name, (elements, _) in run.of(scene).items()}
-    if problem.spin or all(elements <= FINE for elements in cut.values()) or rates.all():
-        return
-    few = replace(run, mesh={name: min(elements, COARSE) for name, elements in cut.items()})
-    system = System(scene, few)
-    coarse, _ = lowest(SmallMotions(system, system.start()[0], 0.0, 0.0), None)
-    if (coarse == 0.0).sum() < min((rates == 0.0).sum(), len(coarse)):
-        raise SolverError(
-            f"no digit of the lowest modes of scene {scene.name!r} can be trusted on this mesh: rounding grows with "
-            f"the fourth power of the number of elements; a coarser mesh is needed"
         )

@@ -262,7 +262,6 @@ def test_ordered_pairs_of_any_kind_are_points(name, kind):
 def test_numbers_become_floats():
     one = at.Material(E=Fraction(10**9), density=np.int64(1000), poisson=Decimal("0.25"), damping=0)
     assert [type(getattr(one, f.name)) for f in fields(one)] == [float] * 4
-    assert repr(one) == "Material(E=1000000000.0, density=1000.0, poisson=0.25)"
     assert {
         type(x) for x in (*body(start=[0, Fraction(1, 2)]).start, *section(area=1).__dict__.values())
     } == {float}

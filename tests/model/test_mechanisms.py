@@ -10,7 +10,6 @@ from anctmm.errors import JointGapError, SceneError, UnknownNameError
 from anctmm.model.connectors import ends_of, free_of
 from anctmm.model.needs import MECHANISMS, needs
 from anctmm.model.places import Place
-from anctmm.model.topology import junctions_of
 from anctmm.solvers import registry
 from studies.conformance.scenes import MECHANISMS as DEMANDS
 from studies.conformance.scenes import cantilever
@@ -68,21 +67,6 @@ def test_points_of_a_rigid_body_move_with_it():
     assert body.extent == pytest.approx(np.hypot(0.5, 0.5))
 
 
-def test_junctions_have_places_hinges_and_guides():
-    slider, hinge = at.Slider("p.b", (0.0, 2.0)), at.Weld("a.end", "p.a", angle=QUINTIC)
-    middle = at.Pin(("a", 0.5), "q.start")
-    bodies = [beam(), plate(), beam("q", (0.5, 0.0), (0.5, 1.0))]
-    junctions = junctions_of(scene(hinge, slider, middle, at.Clamp("a.start"), bodies=bodies))
-    by_end = {end: junction for junction in junctions for end in junction.ends}
-    assert set(by_end) == {("a", 0), ("a", 0.5), ("a", 1), ("p", "a"), ("p", "b"), ("q", 0), ("q", 1)}
-    assert by_end["a", 1] is by_end["p", "a"]
-    assert by_end["a", 1].groups == ((("a", 1),), (("p", "a"),))
-    assert by_end["a", 1].hinges == (hinge,)
-    assert by_end["p", "b"].guides == (slider,)
-    assert by_end["a", 0.5] is by_end["q", 0]
-    assert slider.direction == (0.0, 1.0)
-
-
 def test_connectors_know_their_ends():
     s = scene()
     spring = at.Spring("m.center", (1.0, 2.0), stiffness=3.0)
@@ -126,7 +110,9 @@ def test_a_mechanism_that_its_drive_moves_at_once_is_made_with_velocities():
         "gravity": (0.0, -1.0),
         "connectors": [at.RotationalSpring("rod.q", stiffness=1.0)],
     }
-    with pytest.raises(JointGapError, match=r"10 rad/s.*0 rad/s.*consistent_velocities\(name=…, bodies="):
+    with pytest.raises(
+        JointGapError, match=r"crank.o' angle changes at 10 .*consistent_velocities.*name=…, bodies="
+    ):
         at.Scene(**parts)
     made = at.consistent_velocities(**parts)
     assert made.body("crank").spin == pytest.approx(10.0)
@@ -189,18 +175,18 @@ WRONG = {
     "a weld that starts turned": (
         lambda: scene(at.Weld("a.end", "p.a", angle=lambda t: (0.1, 0.0, 0.0))), P, ["weld", "0.1 rad", "t = 0"]),
     "a weld driven and fixed": (
-        lambda: scene(at.Weld("a.end", "p.a", angle=QUINTIC), at.Weld("a.end", "p.a")), R, ["Weld", "'p.a'"]),
+        lambda: scene(at.Weld("a.end", "p.a", angle=QUINTIC), at.Weld("a.end", "p.a")), C, ["Weld", "'p.a'"]),
     "a line without direction": (lambda: at.Slider("a.end", (0.0, 0.0)), P, ["direction", "(0.0, 0.0)", "some length"]),
     "a line in no body": (lambda: scene(at.Slider("a.end", body="z")), U, ["'z'", "it has 'a', 'p', 'm'"]),
     "a line in a beam": (lambda: scene(at.Slider("p.a", body="a")), K, ["'a'", "Beam", "RigidBody"]),
     "a line in the same body": (lambda: scene(at.Slider("p.a", body="p")), R, ["'p'", "same body"]),
     "a position that starts elsewhere": (
         lambda: scene(at.Slider("a.end", position=lambda t: (0.2, 0.0, 0.0))), P, ["position", "0.2 m", "t = 0"]),
-    "a slider of a held place": (lambda: scene(at.Pin("a.end"), at.Slider("a.end")), R, ["Slider", "the ground"]),
+    "a slider of a held place": (lambda: scene(at.Pin("a.end"), at.Slider("a.end")), R, ["Slider", "Pin", "already"]),
     "two lines in one direction": (
-        lambda: scene(at.Slider("a.end"), at.Prismatic("a.end", (-2.0, 0.0))), R, ["Slider", "independent"]),
+        lambda: scene(at.Slider("a.end"), at.Prismatic("a.end", (-2.0, 0.0))), R, ["Slider", "already"]),
     "a driven line and another": (
-        lambda: scene(at.Slider("a.end", position=QUINTIC), at.Slider("a.end", (0, 1))), R, ["3 components"]),
+        lambda: scene(at.Slider("a.end", position=QUINTIC), at.Slider("a.end", (0, 1))), C, ["Slider"]),
     "a torque on a point mass": (lambda: scene(loads=[at.Torque("m.center", 1.0)]), K, ["'m'", "does not turn"]),
     "a follower force on a point mass": (
         lambda: scene(loads=[at.Force("m.center", (1, 0), follower=True)]), K, ["'m'", "dead Force"]),
@@ -226,19 +212,21 @@ WRONG = {
     "a connector that is a joint": (lambda: scene(connectors=[at.Pin("a.end")]), S, ["connectors", "Spring"]),
     "a fork of velocities": (
         lambda: scene(at.Pin("a.end", "m.center"), bodies=[beam(), mass(velocity=(1, 0))]), G,
-        ["'a.end'", "'m.center'", "(1.0, 0.0)"]),
+        ["'a.end'", "'m.center'", "(1, 0)"]),
     "a held point that turns": (
-        lambda: scene(at.Pin("p.a"), bodies=[plate(spin=1.0)]), G, ["'p.a'", "held", "(0, 0)"]),
+        lambda: scene(at.Pin("p.a"), bodies=[plate(spin=1.0)]), G, ["'p.a'", "Pin", "(0.5, -0.5) m/s"]),
     "a driven clamp of a body at rest": (
         lambda: scene(at.Clamp("p.center", lambda t: (2 * t, 2.0, 0.0)), bodies=[plate()]), G,
-        ["2 rad/s", "0 rad/s", "consistent_velocities"]),
+        ["angle changes at 2", "(0, 0) 1/s", "consistent_velocities"]),
     "a slider of a body that leaves the line": (
-        lambda: scene(at.Slider("m.center"), bodies=[mass(velocity=(1, 2))]), G, ["'m.center'", "2 m/s across"]),
+        lambda: scene(at.Slider("m.center"), bodies=[mass(velocity=(1, 2))]), G,
+        ["'m.center' moves at (1, 2) m/s", "off by 2"]),
     "a line that turns away": (
-        lambda: scene(at.Slider("m.center", body="p"), bodies=[mass(), plate(spin=1.0)]), G, ["body 'p'", "across"]),
+        lambda: scene(at.Slider("m.center", body="p"), bodies=[mass(), plate(spin=1.0)]), G,
+        ["body='p'", "off by 0.5"]),
     "welded bodies that turn apart": (
         lambda: scene(at.Weld("p.a", "q.a"), bodies=[plate(), plate("q", spin=1.0, velocity=(-0.5, 0.5))]), G,
-        ["'p.a'", "'q.a'", "welded"]),
+        ["'p.a'", "'q.a'", "Weld"]),
 }  # fmt: skip
 
 

@@ -7,7 +7,6 @@ import pytest
 from samples import beam
 
 from anctmm.model.drives import Quintic
-from anctmm.model.joints import JOINTS
 from anctmm.model.scene import Clamp, Pin, Scene, Weld
 from anctmm.model.topology import Junction, junctions_of
 
@@ -76,9 +75,3 @@ def test_every_end_is_in_one_junction_in_the_order_of_the_bodies():
     assert sorted(ends) == [(b.name, side) for b in s.bodies for side in (0, 1)]
     again = Scene(s.name, s.bodies, s.joints[::-1])
     assert junctions_of(again) == found
-
-
-@pytest.mark.parametrize("kind", JOINTS)
-def test_a_kind_of_joint_tells_what_others_ask_of_it(kind):
-    """None is given by the base: a new kind without them is not taken for one that holds nothing."""
-    assert {type(kind.holds_direction), type(kind.on_line)} == {bool}

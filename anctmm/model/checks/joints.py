@@ -1,7 +1,7 @@
 """Whether the joints of a scene are compatible with each other and its bodies."""
 
-from collections import Counter, deque
-from math import hypot
+from collections import Counter
+from collections.abc import Hashable, Iterator
 
 import numpy as np
 
@@ -14,15 +14,18 @@ from anctmm.errors import (
     UnknownKindError,
     shown,
 )
-from anctmm.model.checks.guides import check_guides
-from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Slider, Weld, built_in, unknown_joint
-from anctmm.model.places import End, Place, place_text
-from anctmm.model.topology import Graph, Sets
+from anctmm.model.checks.conditions import Condition, conditions_of
+from anctmm.model.expressions import Signal
+from anctmm.model.joints import JOINTS, Guide, Joint, check_drive
+from anctmm.model.places import Graph, Place
+from anctmm.model.rigid_bodies import RigidBody
 
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9
-#: The ground, among the ends of bodies.
-GROUND: End = ("", -1)
+#: Factor of an equation below which it says nothing new.
+INDEPENDENT = 1e-9
+Row = dict[Hashable, float]
+"""Factors of what an equation depends on: of a component of a vector of a place, or of a drive."""
 
 
 def check_joints(scene: Graph) -> None:
@@ -34,146 +37,150 @@ def check_joints(scene: Graph) -> None:
         If a joint has too few ends.
     UnknownNameError
         If an end is not part of the scene.
+    PropertyError
+        If a history gives nothing, or is not zero, at t = 0.
     EndJoinedTwiceError
         If a joint names an end twice.
     RepeatedJointError
         If a joint holds what others hold already.
     ContradictingJointsError
-        If two clamps, one of them driven, hold ends that are welded to each other.
+        If two joints hold one direction or position, and drives move it differently.
     JointGapError
-        If ends of one place lie apart.
+        If the places of a joint are not where it holds them.
     UnknownKindError
         If a joint holds the direction of a point mass, which has none, or the line of a guide is in no rigid body.
     """
-    for joint in built_in(scene.joints):
+    held = _Held()
+    for joint in scene.joints:
+        check_drive(joint)
         _check_ends(scene, joint)
-    _check_repeats(scene)
-    _check_places(scene)
-    check_guides(scene)
+        if isinstance(joint, Guide) and joint.body is not None:
+            _check_line(scene, joint, joint.body)
+    for joint in scene.joints:
+        conditions = conditions_of(scene, joint)
+        if type(joint) in JOINTS:  # redundant ones of a user's own are his own
+            held.add(joint, conditions)
+        for condition in conditions:
+            _check_gap(condition)
 
 
 def _check_ends(scene: Graph, joint: Joint) -> None:
     """Number of ends, their names, none twice."""
-    least = fewest_ends(joint)
-    if len(joint.ends) < least:
-        needed = "two or more are" if least == 2 else "one or more is"
+    if len(joint.ends) < joint.fewest:
+        needed = "two or more are" if joint.fewest == 2 else "one or more is"
         raise SceneError(f"{shown(joint)} names {len(joint.ends)} end(s); {needed} needed")
-    places = [scene.place(name) for name in joint.ends]
-    known = [place.canonical for place in places]
+    places = [scene.place(name) for name in joint.places]
     for place in places:
         if not place.turns and joint.holds_direction:
             raise UnknownKindError(
                 f"{shown(joint)} holds the direction of the point mass {place.body.name!r}, which has none; "
                 f"a {'Slider' if joint.on_line else 'Pin'} does the same there"
             )
-    times = Counter(known)
-    for name, end in zip(joint.ends, known, strict=True):
-        if times[end] > 1:
+    times = Counter(place.canonical for place in places)
+    for place in places:
+        if times[place.canonical] > 1:
             raise EndJoinedTwiceError(
-                f"{shown(joint)} names end {shown(name)} {times[end]} times; an end may be in several joints, "
+                f"{shown(joint)} names end {place} {times[place.canonical]} times; an end may be in several joints, "
                 f"but in each of them once"
             )
 
 
-def fewest_ends(joint: Joint) -> int:
-    """Ends that a joint needs at least."""
-    match joint:
-        case Pin() | Clamp() | Slider() | Prismatic():
-            return 1
-        case Weld():
-            return 2
-    raise unknown_joint(joint)
-
-
-def _check_repeats(scene: Graph) -> None:
-    """Every joint must hold something that the joints before it leave free.
-
-    As ends of flexible bodies move independently, it is enough that the holds of places, drawn as edges between ends
-    and the ground, close no circle: what holds a direction (a weld, a clamp) holds the place, too.
-    """
-    places = Sets[End]()
-    edges: dict[End, list[tuple[End, Joint]]] = {}
-    for joint in built_in(scene.joints):
-        ends = [scene.place(name).canonical for name in joint.ends] + [GROUND] * joint.grounded
-        there: dict[End, End] = {}
-        for end in ends:
-            before = there.setdefault(places.of(end), end)
-            if before != end:
-                raise _repeated(joint, before, end, _path(edges, before, end))
-        for end in ends[1:]:
-            places.unite(ends[0], end)
-            edges.setdefault(ends[0], []).append((end, joint))
-            edges.setdefault(end, []).append((ends[0], joint))
-
-
-def _path(edges: dict[End, list[tuple[End, Joint]]], start: End, goal: End) -> list[Joint]:
-    """Joints that connect two ends, each once, in their order on the shortest way."""
-    came: dict[End, tuple[End, Joint]] = {}
-    queue = deque([start])
-    while goal not in came:
-        here = queue.popleft()
-        for there, joint in edges.get(here, []):
-            if there not in came and there != start:
-                came[there] = here, joint
-                queue.append(there)
-    way, here = [], goal
-    while here != start:
-        here, joint = came[here]
-        way.append(joint)
-    return list(dict.fromkeys(reversed(way)))
-
-
-def _repeated(joint: Joint, one: End, two: End, others: list[Joint]) -> SceneError:
-    """The error that says what a joint repeats."""
-    by = " with ".join(map(shown, others))
-    clamps = [j for j in (joint, *others) if isinstance(j, Clamp)]
-    if len(clamps) == 2 and all(isinstance(j, Clamp | Weld) for j in (joint, *others)):
-        driven = any(clamp.angle is not None for clamp in clamps)
-        what = f"both hold the direction of {end_text(one)}{', one of them driven' if driven else ''}"
-        return (ContradictingJointsError if driven else RepeatedJointError)(
-            f"{shown(joint)} beside {by}: two clamps {what}; one clamp is allowed for ends welded to each other"
+def _check_line(scene: Graph, guide: Guide, name: str) -> None:
+    body = scene.body(name)
+    if not isinstance(body, RigidBody):
+        raise UnknownKindError(
+            f"{shown(guide)} moves on a line in body {name!r}, a {type(body).__name__}; a RigidBody, or None for the "
+            f"ground, is needed"
         )
-    held = (
-        f"the place of {end_text(one)}"
-        if two == GROUND
-        else f"{end_text(one)} and {end_text(two)} at one place"
-    )
-    remedy = "leave one out" if two == GROUND or len(joint.ends) == 2 else "name one of these ends only"
-    return RepeatedJointError(
-        f"{shown(joint)} holds {held}, as {by} {'does' if len(others) == 1 else 'do'} already; "
-        f"an end may be in several joints, but each must hold what the others leave free: {remedy}"
-    )
+    if scene.place(guide.place).body.name == name:
+        raise RepeatedJointError(
+            f"{shown(guide)} guides a place of body {name!r} on a line in the same body, where it is fixed already; "
+            f"the ground or another rigid body is needed"
+        )
 
 
-def end_text(end: End) -> str:
-    """An end as messages name it."""
-    return "the ground" if end == GROUND else place_text(end)
-
-
-def _check_places(scene: Graph) -> None:
-    """Ends of one place lie there."""
-    ends = {name: scene.place(name) for joint in built_in(scene.joints) for name in joint.ends}
-    places = Sets[End]()
-    for joint in built_in(scene.joints):
-        for name in joint.ends[1:]:
-            places.unite(ends[joint.ends[0]].canonical, ends[name].canonical)
-    before: dict[End, Place] = {}
-    for joint in built_in(scene.joints):
-        first, *others = (ends[name] for name in joint.ends)
-        for other in others:
-            _check_meeting(joint, first, other)
-        # small gaps must not add up from joint to joint
-        _check_meeting(joint, before.setdefault(places.of(first.canonical), first), first)
-
-
-def _check_meeting(joint: Joint, a: Place, b: Place) -> None:
-    """Two ends that a joint, maybe with the help of others, holds at one place."""
-    p, q = a.position, b.position
-    rounding = 8 * np.finfo(float).eps * max(map(abs, p + q))
-    extent = min((place.body.extent for place in (a, b) if place.body.extent > 0.0), default=0.0)
-    gap, allowed = hypot(q[0] - p[0], q[1] - p[1]), GAP * extent + rounding
+def _check_gap(condition: Condition) -> None:
+    """Places are where a joint holds them."""
+    allowed = sum(float(np.abs(J).max()) * _gap(place, axis) for place, axis, J in condition.factors)
+    gap = float(np.linalg.norm(condition.value))
     if gap > allowed:
+        there = " and ".join(f"{place.position!r} ({place})" for place in condition.places)
         raise JointGapError(
-            f"{shown(joint)} joins ends at {p!r} ({a}) and {q!r} ({b}), {gap:.3g} m apart; "
+            f"{shown(condition.joint)} joins places at {there}, which are {gap:.3g} m apart, or off what it holds; "
             f"at most {allowed:.3g} m is allowed"
         )
+
+
+def _gap(place: Place, axis: int) -> float:
+    """What the position of a place (0), or an axis, may be off by."""
+    if axis:
+        return GAP
+    return GAP * place.body.extent + 8 * float(np.finfo(float).eps) * max(map(abs, place.position))
+
+
+class _Held:
+    """What joints hold, as rows of which none follows from others (in echelon form).
+
+    As ends of flexible bodies move independently, each place counts by itself.
+    """
+
+    def __init__(self) -> None:
+        self._rows: dict[Hashable, tuple[Row, list[Joint]]] = {}
+
+    def add(self, joint: Joint, conditions: list[Condition]) -> None:
+        """Add the equations of a joint; raises an error if one holds nothing new."""
+        wrong = [found for row in _rows_of(conditions) if (found := self._reduced(row, joint)) is not None]
+        if wrong:
+            driven, others = max(wrong, key=lambda found: found[0])
+            _raise(joint, list(dict.fromkeys(others)), driven)
+
+    def _reduced(self, row: Row, joint: Joint) -> tuple[bool, list[Joint]] | None:
+        """None if a row holds something new; else whether drives contradict each other, and the joints that hold it."""
+        others: list[Joint] = []
+        while (column := next((c for c in row if c in self._rows), None)) is not None:
+            pivot, owners = self._rows[column]
+            row = _combined(row, -row[column] / pivot[column], pivot, column)
+            others += [owner for owner in owners if owner is not joint]
+        free = [column for column in row if not isinstance(column, int)]
+        if not free:
+            return bool(row), others
+        self._rows[max(free, key=lambda column: abs(row[column]))] = row, [joint, *others]
+        return None
+
+
+def _rows_of(conditions: list[Condition]) -> Iterator[Row]:
+    for condition in conditions:
+        for m in range(len(condition.value)):
+            row: Row = {}
+            for place, axis, J in condition.factors:
+                for k, value in enumerate(J[m].tolist()):
+                    column = *place.canonical, axis, k
+                    row[column] = row.get(column, 0.0) + value
+            for w, b in condition.drives.items():
+                drive = id(w.history)
+                row[drive] = row.get(drive, 0.0) + float(b[m]) * _slope(w)
+            yield {column: value for column, value in row.items() if abs(value) > INDEPENDENT}
+
+
+def _slope(w: Signal) -> float:
+    """Derivative of a signal by its history at the start."""
+    return float(w.at(np.array([[w.history(0.0)[0]], [1.0], [0.0]], dtype=float))[1, 0])
+
+
+def _combined(row: Row, factor: float, other: Row, without: Hashable) -> Row:
+    found = dict(row)
+    for column, value in other.items():
+        found[column] = found.get(column, 0.0) + factor * value
+    return {c: value for c, value in found.items() if c != without and abs(value) > INDEPENDENT}
+
+
+def _raise(joint: Joint, others: list[Joint], driven: bool) -> None:
+    by = " with ".join(map(shown, others))
+    if driven:
+        raise ContradictingJointsError(
+            f"{shown(joint)} beside {by}: they hold the same, and drives move it differently; one of them is allowed"
+        )
+    raise RepeatedJointError(
+        f"{shown(joint)} holds what {by} {'holds' if len(others) == 1 else 'hold'} already; an end may be in several "
+        f"joints, but each must hold what the others leave free: leave one out, or name fewer ends"
+    )

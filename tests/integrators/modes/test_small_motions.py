@@ -162,11 +162,6 @@ def test_about_motions_forces_of_constraints_stiffen():
     assert modes(scene).frequencies[0] == 0.0  # without gravity
 
 
-def test_meshes_that_rounding_spoils_are_refused():
-    with pytest.raises(at.errors.SolverError, match="no digit of the lowest modes"):
-        modes(bar(JOINTS["clamped-free"], section=THIN), mesh=20_000, count=1)
-
-
 def test_a_campbell_diagram():
     found = campbell(rotor(3.0), [40.0, 12.0])
     assert list(found.speeds) == [12.0, 40.0]

@@ -1,1 +1,0 @@
-"""Velocities at the start that satisfy joints and drives."""
