@@ -1,4 +1,4 @@
-"""ANC-TMM: absolute nodal coordinate transfer matrix method for planar large-deformation flexible beams."""
+"""ANC-TMM: absolute nodal coordinate transfer matrix method for large-deformation flexible beams."""
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
@@ -16,6 +16,7 @@ from anctmm.model.scene import (
     Pin,
     PointMass,
     Prismatic,
+    Revolute,
     RigidBody,
     RotationalSpring,
     Scene,
@@ -60,6 +61,7 @@ __all__ = [
     "Pulse",
     "Quintic",
     "Rectangle",
+    "Revolute",
     "RigidBody",
     "RigidVelocity",
     "RotationalSpring",

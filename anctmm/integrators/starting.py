@@ -11,7 +11,7 @@ from anctmm.model.bodies import Beam
 from anctmm.model.connectors import RotationalSpring, ends_of
 from anctmm.model.joints import drive_of
 from anctmm.model.places import Place
-from anctmm.results.fields import HermiteField, RigidField
+from anctmm.results.fields import HermiteField, RigidField, SpatialRigidField
 from anctmm.results.solution import Solution
 from anctmm.system.acting import TURN
 from anctmm.system.body_meshes import RigidMesh
@@ -37,7 +37,8 @@ def started(system: System, start: Solution | None = None) -> State:
     if start is not None:
         check_start(system, start)
         q = coordinates_of(system, start, -1)
-        set_angles(system, start)
+        if system.mesh.dim == 2:
+            set_angles(system, start)
     state = new_state(system, q, v)
     inputs = system.inputs(np.zeros(1))
     given = inputs.signals[0], inputs.loads[0], inputs.free[0], 0.0
@@ -120,7 +121,7 @@ def coordinates_of(system: System, solution: Solution, k: int) -> Array:
     mesh, found = system.mesh, dict[str, Array]()
     for name, body in mesh.bodies.items():
         field = solution.fields[name]
-        assert isinstance(field, HermiteField | RigidField)  # what ANC-TMM gives
+        assert isinstance(field, HermiteField | RigidField | SpatialRigidField)  # what ANC-TMM gives
         x = field.coordinates[k]
         if isinstance(body, RigidMesh):
             x = _of_rigid(body, *_center_and_turn(body, x))

@@ -19,7 +19,7 @@ from anctmm.validation import flag, number, text, vector
 @final
 @dataclass(frozen=True)
 class Force(LoadKind):
-    """Force on a place: constant (Fx, Fy) or t → (Fx, Fy), N.
+    """Force on a place: constant (Fx, Fy) or t → (Fx, Fy), N; three components in space.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ class Force(LoadKind):
         object.__setattr__(self, "end", written(self.end))
         object.__setattr__(self, "follower", flag(f"force on {shown(self.end)} follower", self.follower))
         if not callable(self.value):
-            object.__setattr__(self, "value", vector(f"force on {shown(self.end)} (N)", self.value))
+            force = vector(f"force on {shown(self.end)} (N)", self.value, dims=(2, 3))
+            object.__setattr__(self, "value", force)
         breaks_of(f"force on {shown(self.end)}", self.value)
 
     def __repr__(self) -> str:
@@ -94,7 +95,8 @@ class LineLoad(LoadKind):
     def __post_init__(self) -> None:
         object.__setattr__(self, "body", text("line load body", self.body))
         if not callable(self.value):
-            object.__setattr__(self, "value", vector(f"line load on {shown(self.body)} (N/m)", self.value))
+            load = vector(f"line load on {shown(self.body)} (N/m)", self.value, dims=(2, 3))
+            object.__setattr__(self, "value", load)
         breaks_of(f"line load on {shown(self.body)}", self.value)
 
 
@@ -105,6 +107,11 @@ LOADS = (Force, Torque, LineLoad)
 
 class Placing(Protocol):
     """The part of a scene that this module needs."""
+
+    @property
+    def dim(self) -> int:
+        """Components of a place."""
+        ...
 
     def place(self, place: Written) -> Place:
         """A place of a body."""
@@ -156,11 +163,11 @@ def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float
     return table
 
 
-def width_of(load: Load) -> int:
-    """Numbers that the value of a load has."""
+def width_of(load: Load, dim: int = 2) -> int:
+    """Numbers that the value of a load has, in the plane or in space of `dim` components."""
     match load:
         case Force() | LineLoad():
-            return 2
+            return dim
         case Torque():
             return 1
         case _:
@@ -205,4 +212,4 @@ def check_load(scene: Placing, load: Load) -> None:
         case _:
             raise unknown_kind("load", load, LOADS)
     if callable(load.value):
-        tabulate(load_text(load), load.value, np.zeros(1), width_of(load))
+        tabulate(load_text(load), load.value, np.zeros(1), width_of(load, scene.dim))

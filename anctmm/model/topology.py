@@ -13,6 +13,7 @@ from anctmm.model.joints import (
     Joint,
     Pin,
     Prismatic,
+    Revolute,
     Slider,
     Weld,
     built_in,
@@ -202,7 +203,7 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
         if joint.grounded:
             held.append(first)
         match joint:
-            case Pin():
+            case Pin() | Revolute():
                 pass
             case Weld(angle=None, stretch="held"):
                 for other in others:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from anctmm.validation import LONGEST, number, vector
 
 Array = NDArray[np.float64]
-Point = tuple[float, float]
+Point = tuple[float, ...]
+"""Two numbers in the plane, three in space."""
 #: Points at which the size of a velocity is looked for.
 SAMPLES = 9
 #: Error of a slope's last digits, of the velocity's size.
@@ -96,7 +97,7 @@ def size_of(velocity: Callable[[float], Point]) -> float:
 
 
 def second_derivative(velocity: Callable[[float], Point], fraction: float, elements: int) -> Array:
-    """Second derivative of a velocity by the fraction, (2,), m/s, at a node of so many equal elements.
+    """Second derivative of a velocity by the fraction, (dim,), m/s, at a node of so many equal elements.
 
     That of a polynomial through the velocities at points of both elements that meet there, or of the one at an end: as
     exact as a polynomial of degree five in each element needs it.
@@ -121,6 +122,7 @@ def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -
     size : float
         Of the velocity, m/s: the unit must not decide how well its slope is found.
     """
+    dim = len(velocity(fraction))
     side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
     step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
 
@@ -133,10 +135,10 @@ def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -
     slope: Any = derivative  # its stubs do not know a direction given as a number
     found = slope(
         component,
-        np.full(2, fraction),
-        args=(np.arange(2),),
+        np.full(dim, fraction),
+        args=(np.arange(dim),),
         initial_step=step,
         step_direction=side,
         tolerances={"atol": FINEST * size, "rtol": FINEST},
     )
-    return (float(found.df[0]), float(found.df[1])), float(np.max(found.error))
+    return tuple(found.df.tolist()), float(np.max(found.error))

@@ -16,6 +16,10 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+#: Why there is no angle.
+IN_SPACE = "angles are of the plane; in space `rotation` gives the turn of a rigid body"
+
+
 class Field(Protocol):
     """Motion of a body, at each of n times.
 
@@ -407,6 +411,65 @@ class RigidField:
         return np.asarray((center + complex(*self.points[place]) * turn).view(np.float64).reshape(-1, 2))
 
 
+@dataclass(frozen=True)
+class SpatialRigidField:
+    """Motion of a rigid body in space.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (n, 4, 3)
+        Centre of mass, m, and the unit vectors along the principal axes.
+    axes : ndarray, shape (3, 3)
+        These unit vectors in the reference, as rows.
+    points : mapping of str to ndarray, shape (3,)
+        Where its points stand from the centre in the reference, m.
+    velocities, accelerations : ndarray, shape (n, 4, 3), optional
+        Rates, per s and s².
+    """
+
+    coordinates: Array
+    axes: Array
+    points: Mapping[str, Array] = field(default_factory=dict)
+    velocities: Array | None = None
+    accelerations: Array | None = None
+
+    def position(self, place: str = "center") -> Array:
+        """Positions of a point, (n, 3), m."""
+        return self._point(self.coordinates, place)
+
+    def velocity(self, place: str = "center") -> Array:
+        """Velocities of a point, (n, 3), m/s.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        return self._point(_known(self.velocities), place)
+
+    def rotation(self) -> Array:
+        """Matrices that turn vectors of the reference into those of the body, (n, 3, 3)."""
+        return self.coordinates[:, 1:].transpose(0, 2, 1) @ self.axes
+
+    def angle(self, place: str, t: Array) -> Array:
+        """Raises ResultError: in space a turn is a matrix."""
+        raise ResultError(IN_SPACE)
+
+    def spin(self, place: str = "center") -> Array:
+        """Raises ResultError."""
+        raise ResultError(IN_SPACE)
+
+    def until(self, outputs: int) -> "SpatialRigidField":
+        """The first outputs."""
+        v, a = _first(self.velocities, outputs), _first(self.accelerations, outputs)
+        return SpatialRigidField(self.coordinates[:outputs], self.axes, self.points, v, a)
+
+    def _point(self, q: Array, place: str) -> Array:
+        if place == "center":
+            return q[:, 0].copy()
+        return q[:, 0] + np.einsum("k,nkc->nc", self.axes @ self.points[place], q[:, 1:])
+
+
 def nearest(angle: Array, about: Array) -> Array:
     """The angles, rad, with those whole turns that bring them nearest to others."""
     return np.asarray(angle + 2.0 * np.pi * np.round((about - angle) / (2.0 * np.pi)))
@@ -448,6 +511,8 @@ def mean_spin(positions: Complex, velocities: Complex) -> Array:
 
 
 def _complex(vectors: Array) -> Complex:
+    if vectors.shape[-1] == 3:
+        raise ResultError(IN_SPACE)
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
 
 

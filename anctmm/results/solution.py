@@ -24,7 +24,14 @@ from anctmm.results.export.pictures import animate, plot
 from anctmm.results.export.saving import save
 from anctmm.results.export.tables import to_dataset, to_frame
 from anctmm.results.export.vtk import to_vtk
-from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingField, RigidField
+from anctmm.results.fields import (
+    Field,
+    HermiteField,
+    LagrangeField,
+    MovingField,
+    RigidField,
+    SpatialRigidField,
+)
 from anctmm.results.internal_forces.actions import tension_of
 from anctmm.results.internal_forces.reactions import Reactions
 from anctmm.results.internal_forces.section_forces import section_force
@@ -176,7 +183,7 @@ class Solution:
         return Reactions(self)
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
-        """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
+        """Positions of a material point, (n, dim), m; of k fractions (n, k, dim).
 
         Parameters
         ----------
@@ -191,7 +198,7 @@ class Solution:
         UnknownNameError, PropertyError
             If there is no such place.
         """
-        return self._each(place, fraction, lambda name, at: self.fields[name].position(at), 2)
+        return self._each(place, fraction, lambda name, at: self.fields[name].position(at), self.scene.dim)
 
     def velocity(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Velocities of a material point, (n, 2), m/s; of k fractions (n, k, 2). Parameters as of `position`.
@@ -201,7 +208,7 @@ class Solution:
         ResultError
             If the solver stores no velocities, or the solution is static.
         """
-        return self._each(place, fraction, lambda name, at: self._moving(name).velocity(at), 2)
+        return self._each(place, fraction, lambda name, at: self._moving(name).velocity(at), self.scene.dim)
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Angles by which sections have rotated since the first output, counter-clockwise.
@@ -234,6 +241,21 @@ class Solution:
         turning = self._turning(place, fraction)
         known = self.whole_turns
         return self._each(turning, fraction, lambda name, at: _since_first(known.angle(name, at)), turns=True)
+
+    def rotation(self, body: str) -> Array:
+        """Matrices that turn vectors of the reference into those of a rigid body in space, (n, 3, 3).
+
+        Raises
+        ------
+        UnknownNameError
+            If the scene has no such body.
+        ResultError
+            If it is no rigid body in space.
+        """
+        field = self.fields.get(self.scene.body(body).name)
+        if not isinstance(field, SpatialRigidField):
+            raise ResultError(f"body {body!r} has no matrix of rotation; a RigidBody in space is needed")
+        return field.rotation()
 
     def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
@@ -375,7 +397,7 @@ class Solution:
         """The first outputs, with the status that says why the others are left out."""
         fields = {
             name: field.until(outputs)
-            if isinstance(field, HermiteField | LagrangeField | RigidField)
+            if isinstance(field, HermiteField | LagrangeField | RigidField | SpatialRigidField)
             else field
             for name, field in self.fields.items()
         }

@@ -1,7 +1,7 @@
 """Whether the joints of a scene are compatible with each other and its bodies."""
 
 from collections import Counter, deque
-from math import hypot
+from math import dist
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from anctmm.errors import (
     shown,
 )
 from anctmm.model.checks.guides import check_guides
-from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Slider, Weld, built_in, unknown_joint
+from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Revolute, Slider, Weld, built_in, unknown_joint
 from anctmm.model.places import End, Place, place_text
 from anctmm.model.topology import Graph, Sets
 
@@ -78,7 +78,7 @@ def _check_ends(scene: Graph, joint: Joint) -> None:
 def fewest_ends(joint: Joint) -> int:
     """Ends that a joint needs at least."""
     match joint:
-        case Pin() | Clamp() | Slider() | Prismatic():
+        case Pin() | Clamp() | Slider() | Prismatic() | Revolute():
             return 1
         case Weld():
             return 2
@@ -171,7 +171,7 @@ def _check_meeting(joint: Joint, a: Place, b: Place) -> None:
     p, q = a.position, b.position
     rounding = 8 * np.finfo(float).eps * max(map(abs, p + q))
     extent = min((place.body.extent for place in (a, b) if place.body.extent > 0.0), default=0.0)
-    gap, allowed = hypot(q[0] - p[0], q[1] - p[1]), GAP * extent + rounding
+    gap, allowed = dist(p, q), GAP * extent + rounding
     if gap > allowed:
         raise JointGapError(
             f"{shown(joint)} joins ends at {p!r} ({a}) and {q!r} ({b}), {gap:.3g} m apart; "

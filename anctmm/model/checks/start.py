@@ -39,6 +39,11 @@ class Starting(Graph, Protocol):
     """The part of a scene that this module needs; `anctmm.model.scene.Scene` has it."""
 
     @property
+    def dim(self) -> int:
+        """Components of a place."""
+        ...
+
+    @property
     def beams(self) -> Sequence[Beam]:
         """Bodies that bend."""
         ...
@@ -67,6 +72,8 @@ def _check_junctions(scene: Starting) -> None:
     for junction in junctions_of(scene):
         ends = [Moving(scene.place(_as_written(end))) for end in junction.ends]
         _check_velocities(ends, junction.grounded, allowed)
+        if scene.dim == 3:  # rates of turning become the nearest that the joints allow
+            continue
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
             first, *others = (Moving(scene.place(_as_written(end))) for end in group)
             for other in others:
@@ -160,7 +167,7 @@ def _check_velocities(ends: list[Moving], grounded: bool, allowed: float) -> Non
     for end in ends if grounded else ():
         if max(map(abs, end.velocity)) > allowed:
             raise JointGapError(
-                f"end {end} is held and its initial velocity is {end.velocity!r} m/s; (0, 0) is needed"
+                f"end {end} is held and its initial velocity is {end.velocity!r} m/s; 0 is needed"
             )
     for end in ends[1:]:
         if max(abs(a - b) for a, b in zip(end.velocity, v, strict=True)) > allowed:

@@ -21,6 +21,7 @@ from anctmm.results.checks.energy import energy_findings
 from anctmm.results.checks.finding import FATAL, Finding, part
 from anctmm.results.checks.places import places_of
 from anctmm.results.checks.precision import precision_findings
+from anctmm.results.checks.space import space_findings
 from anctmm.results.fields import HermiteField, LagrangeField
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
@@ -120,21 +121,30 @@ def _checked(solution: Solution, static: bool, energies: bool, rests: bool) -> S
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
-        places = places_of(solution)
-        parted = () if places is None else constraint_findings(solution, places, static=static)
-        found = [*_shape_findings(solution), *parted]
-        if not static and solution.status.ok and solution.t.size:
-            found += [*break_findings(solution), *drive_findings(solution)]
-        if energies and not static and solution.status.ok:  # else the solver knows better what has failed
-            found += energy_findings(solution)
-        if not static and solution.status.ok and not found:
-            found += precision_findings(solution, places, rests)
+        if solution.scene.dim == 3:
+            found = list(space_findings(solution, static))
+        else:
+            found = _planar_findings(solution, static, energies, rests)
     fatal = [finding for finding in found if finding.code in FATAL]
     if not found:
         return solution
     first = min(fatal or found, key=lambda finding: finding.output)
     status = _status(solution, first, static)
     return solution.until(first.output, status) if fatal else replace(solution, status=status)
+
+
+def _planar_findings(solution: Solution, static: bool, energies: bool, rests: bool) -> list[Finding]:
+    """What speaks against a run in the plane."""
+    places = places_of(solution)
+    parted = () if places is None else constraint_findings(solution, places, static=static)
+    found = [*_shape_findings(solution), *parted]
+    if not static and solution.status.ok and solution.t.size:
+        found += [*break_findings(solution), *drive_findings(solution)]
+    if energies and not static and solution.status.ok:  # else the solver knows better what has failed
+        found += energy_findings(solution)
+    if not static and solution.status.ok and not found:
+        found += precision_findings(solution, places, rests)
+    return found
 
 
 def _status(solution: Solution, finding: Finding, static: bool) -> Status:
