@@ -32,6 +32,7 @@ from anctmm.results.ended_early import HistoryError, Interrupted
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, Solution, load
 from anctmm.results.status import Status
+from anctmm.simulator import Simulator
 from anctmm.small_motions import Campbell, Modes, campbell
 from anctmm.solve import modes, solve, solve_static
 
@@ -67,6 +68,7 @@ __all__ = [
     "RotationalSpring",
     "Scene",
     "Section",
+    "Simulator",
     "Slider",
     "Solution",
     "Spring",

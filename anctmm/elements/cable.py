@@ -1,8 +1,8 @@
 """The gradient-deficient Euler-Bernoulli cable, readable; `cable_kernel` and `spatial_cable_kernel` are its fast twins.
 
 Coordinates q, shape (4, dim): rows r_I, r'_I, r_O, r'_O. Strains (anctmm/elimination/method.md, section 1; to
-rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = |r' × r''|/|r'|², in the plane
-with its sign. No rotary inertia, and in space neither torsion nor damping.
+rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = |r' × r''|/|r'|², in the
+plane with its sign. No rotary inertia, and in space neither torsion nor damping.
 """
 
 from dataclasses import dataclass, replace

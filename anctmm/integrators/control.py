@@ -107,8 +107,8 @@ def too_slow(march: "March") -> Status:
     """Status of a run that would take too many steps."""
     return Status(
         "failed",
-        f"the tolerance needs steps of {march.wanted:.2g} s at t = {march.t:.6g} s, more than {MOST} for the run; a larger "
-        f"tolerance, a fixed dt, or histories with one smooth value at each time and stated breaks may help",
+        f"the tolerance needs steps of {march.wanted:.2g} s at t = {march.t:.6g} s, more than {MOST} for the run; a "
+        f"larger tolerance, a fixed dt, or histories with one smooth value at each time and stated breaks may help",
         time=march.t,
         step=march.steps,
     )

@@ -13,6 +13,7 @@ from anctmm.errors import (
     SceneError,
     UnknownKindError,
     UnknownNameError,
+    UnsupportedError,
     listed,
     reason,
     shown,
@@ -263,16 +264,22 @@ def scene_that_does_not_start(**parts: Any) -> Scene:
     return found
 
 
-def checked_scene(scene: object) -> Scene:
+def checked_scene(scene: object, space: bool = False) -> Scene:
     """Return a scene, or refuse what is none.
+
+    space: whether it may be in space.
 
     Raises
     ------
     UnknownKindError
         A subclass is none, either: it may mean something that no solver knows.
+    UnsupportedError
+        If it is in space, and may not be.
     """
     if type(scene) is not Scene:
         raise UnknownKindError(f"scene is {shown(scene)} of type {type(scene).__name__}; a Scene is needed")
+    if scene.dim == 3 and not space:
+        raise UnsupportedError(f"scene {scene.name!r} is in space; a scene in the plane is needed here")
     return scene
 
 
