@@ -231,7 +231,9 @@ class Discretisation:
         UnsupportedError
             If a joint acts between the ends of a beam whose elements need it at an end.
         """
-        found = vars(checked_scene(scene)).get(_CUT)  # asked many times, for one discretisation after another
+        found = vars(checked_scene(scene, space=True)).get(
+            _CUT
+        )  # asked many times, for one discretisation after another
         if found is None or found[0] is not self:
             facts = facts_alike(scene)
             key = _CUT, self.mesh, self.element

@@ -16,7 +16,7 @@ from anctmm.validation import LONGEST, FrozenMapping, number, point, positive, r
 
 #: The point that every rigid body and point mass has: its centre of mass.
 CENTER = "center"
-#: Part by which a principal moment of inertia may be larger than the sum of the others.
+#: Part by which a tensor of inertia may not be symmetric, and a principal moment larger than the sum of the others.
 ROUNDING = 1e-12
 
 
@@ -239,8 +239,10 @@ def _tensor(what: str, inertia: Any) -> tuple[tuple[float, ...], ...]:
     except (TypeError, ValueError):
         given = np.empty(0)
     tensor = np.diag(given) if given.shape == (3,) else given
-    if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or (tensor != tensor.T).any():
+    symmetric = tensor.shape == (3, 3) and np.abs(tensor - tensor.T).max() <= ROUNDING * np.abs(tensor).max()
+    if not symmetric:  # nor where a number is none
         raise PropertyError(f"{what} is {shown(inertia)}; {needed}, is needed")
+    tensor = 0.5 * (tensor + tensor.T)
     moments = np.linalg.eigvalsh(tensor)
     if not moments[0] > 0.0 or not moments[2] <= moments[:2].sum() * (1.0 + ROUNDING):
         raise PropertyError(
