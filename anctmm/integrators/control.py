@@ -47,7 +47,7 @@ LEFT, ROUNDING = 0.1, 1e-13
 #: Times over the run at which loads and drives are sampled.
 SAMPLES = 400
 #: Steps of a run at most, by those tried until now, and the number of these from which on that is known.
-MOST, KNOWN = 2_000_000, 5_000
+MOST, KNOWN = 1_000_000, 5_000
 
 
 class Trial(NamedTuple):
