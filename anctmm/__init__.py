@@ -1,4 +1,4 @@
-"""ANC-TMM: absolute nodal coordinate transfer matrix method for planar large-deformation flexible beams."""
+"""ANC-TMM: absolute nodal coordinate transfer matrix method for large-deformation flexible beams."""
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
@@ -16,6 +16,7 @@ from anctmm.model.scene import (
     Pin,
     PointMass,
     Prismatic,
+    Revolute,
     RigidBody,
     RotationalSpring,
     Scene,
@@ -31,6 +32,7 @@ from anctmm.results.ended_early import HistoryError, Interrupted
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, Solution, load
 from anctmm.results.status import Status
+from anctmm.simulator import Simulator
 from anctmm.small_motions import Campbell, Modes, campbell
 from anctmm.solve import modes, solve, solve_static
 
@@ -60,11 +62,13 @@ __all__ = [
     "Pulse",
     "Quintic",
     "Rectangle",
+    "Revolute",
     "RigidBody",
     "RigidVelocity",
     "RotationalSpring",
     "Scene",
     "Section",
+    "Simulator",
     "Slider",
     "Solution",
     "Spring",

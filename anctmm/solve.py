@@ -72,10 +72,17 @@ def solve(
 
 
 def _solved(scene: Scene, run: Discretisation, start: Solution | None) -> Solution:
-    cut = run.of(checked_scene(scene))
+    return integrate(system_of(scene, run), start)
+
+
+def system_of(scene: Scene, run: Discretisation) -> System:
+    """The equations of a scene, which is checked before."""
+    cut = run.of(checked_scene(scene, space=True))
     check_memory(scene, run, BYTES[run.method.name])
     check_kinds(cut, moved_by(run.integrator), f"integrator {run.integrator!r}")
+    if scene.dim == 3:
+        check_kinds(cut, ("cable",), "space")
     for name, (_, kind) in cut.items():
         if kind_of(kind).rigid:
             check_rigid_start(beam_of(scene.body(name)), stacklevel=6)
-    return integrate(System(scene, run), start)
+    return System(scene, run)

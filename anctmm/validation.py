@@ -119,19 +119,29 @@ def text(name: str, value: object, error: type[AnctmmError] = PropertyError) -> 
 
 
 def vector(
-    name: str, value: object, error: type[AnctmmError] = PropertyError, high: float = LARGEST
-) -> tuple[float, float]:
-    """Return `value` as a pair of finite floats of size `high` at most, or raise `error`."""
-    if not is_pair(value):
-        raise error(
-            f"{name} is {shown(value)}; a pair of finite numbers (x, y) is needed: a tuple, a list or an array, "
-            f"whose order is known"
+    name: str,
+    value: object,
+    error: type[AnctmmError] = PropertyError,
+    high: float = LARGEST,
+    dims: Sequence[int] = (2,),
+) -> tuple[float, ...]:
+    """Return `value` as a tuple of finite floats of size `high` at most, or raise `error`.
+
+    dims: numbers of components that are allowed, 2 or 3.
+    """
+    if not has_length(value, dims):
+        needed = (
+            "a pair of finite numbers (x, y) is needed" if 2 in dims else "three finite numbers are needed"
         )
-    pair: Any = value
-    x, y = (number(f"{name}, {axis}", pair[i], error) for i, axis in enumerate("xy"))
-    if max(abs(x), abs(y)) > high:
+        space = ", or three in space" if len(dims) == 2 else ""
+        raise error(
+            f"{name} is {shown(value)}; {needed}{space}: a tuple, a list or an array, whose order is known"
+        )
+    given: Any = value
+    found = tuple(number(f"{name}, {axis}", x, error) for axis, x in zip("xyz", given, strict=False))
+    if max(map(abs, found)) > high:
         raise error(f"{name} is {shown(value)}; numbers from -{high:g} to {high:g} are needed")
-    return x, y
+    return found
 
 
 def is_point(value: object) -> bool:
@@ -145,13 +155,7 @@ def is_point(value: object) -> bool:
 
 def point(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, ...]:
     """Return a point of the plane or of space as a tuple of floats, no further than LONGEST from the origin."""
-    if not is_point(value):
-        raise error(f"{name} is {shown(value)}; two finite numbers (x, y) are needed, or three in space")
-    pair: Any = value
-    found = tuple(number(f"{name}, {axis}", x, error) for axis, x in zip("xyz", pair, strict=False))
-    if max(map(abs, found)) > LONGEST:
-        raise error(f"{name} is {shown(value)}; numbers from -{LONGEST:g} to {LONGEST:g} are needed")
-    return found
+    return vector(name, value, error, LONGEST, (2, 3))
 
 
 def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
@@ -214,12 +218,17 @@ def _real(value: object) -> float | None:
 
 def is_pair(value: object) -> bool:
     """Whether a value is an ordered sequence or an array of two things; texts, sets and mappings are none."""
+    return has_length(value, (2,))
+
+
+def has_length(value: object, lengths: Sequence[int]) -> bool:
+    """Whether a value is an ordered sequence or an array of so many things; texts, sets and mappings are none."""
     if isinstance(value, np.ndarray):
-        return type(value) is np.ndarray and value.shape == (2,)
+        return type(value) is np.ndarray and value.ndim == 1 and len(value) in lengths
     if not isinstance(value, Sequence) or isinstance(value, str | bytes | bytearray | memoryview):
         return False
     try:
-        return len(value) == 2
+        return len(value) in lengths
     except Exception:  # a sequence of the user's own
         return False
 

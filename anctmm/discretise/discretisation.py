@@ -224,7 +224,7 @@ class Discretisation:
         UnsupportedError
             If a joint acts between the ends of a beam whose elements need it at an end.
         """
-        checked_scene(scene)
+        checked_scene(scene, space=True)
         names = [b.name for b in scene.beams]
         if self.mesh is None and names:
             raise MeshError(

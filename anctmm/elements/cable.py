@@ -1,8 +1,8 @@
-"""The gradient-deficient Euler-Bernoulli cable, readable; `cable_kernel` is its fast twin.
+"""The gradient-deficient Euler-Bernoulli cable, readable; `cable_kernel` and `spatial_cable_kernel` are its fast twins.
 
-Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (anctmm/elimination/method.md, section 1; to
-rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = (r' × r'')/|r'|².
-No rotary inertia.
+Coordinates q, shape (4, dim): rows r_I, r'_I, r_O, r'_O. Strains (anctmm/elimination/method.md, section 1; to
+rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = |r' × r''|/|r'|², in the
+plane with its sign. No rotary inertia, and in space neither torsion nor damping.
 """
 
 from dataclasses import dataclass, replace
@@ -110,19 +110,21 @@ class CableElement:
         strain = np.sqrt((b * b).sum(axis=1)) - 1.0
         B, C, v = self.bending_rule
         b, c = B @ q, C @ q
-        curvature = (b * (c @ W.T)).sum(axis=1) / (b * b).sum(axis=1)
-        return 0.5 * (self.EA * (w @ strain**2) + self.EI * (v @ curvature**2))  # type: ignore[no-any-return]
+        s, _, e = self._across(b, c)
+        return 0.5 * (self.EA * (w @ strain**2) + self.EI * (v @ ((e * e).sum(axis=1) / s)))  # type: ignore[no-any-return]
 
     def force(self, q: Array) -> Array:
-        """Elastic force, the gradient of the energy, (4, 2); complex-step safe."""
+        """Elastic force, the gradient of the energy, (4, dim); complex-step safe."""
         B, w = self.axial_rule
         b = B @ q
         stretch = np.sqrt((b * b).sum(axis=1))
         force = B.T @ ((self.EA * w * (stretch - 1.0) / stretch)[:, None] * b)
         B, C, v = self.bending_rule
-        curvature, by_b, by_c, _ = self._curvature(B @ q, C @ q)
-        moment = (self.EI * v * curvature)[:, None]
-        return force + B.T @ (moment * by_b) + C.T @ (moment * by_c)
+        b, c = B @ q, C @ q
+        s, d, e = self._across(b, c)
+        moment = (self.EI * v / s)[:, None]
+        by_b = -((e * e).sum(axis=1)[:, None] * b + d[:, None] * e) / s[:, None]
+        return force + B.T @ (moment * by_b) + C.T @ (moment * e)
 
     def dissipation(self, q: Array, v: Array) -> float:
         """Rayleigh's dissipation function ½ τ ∫ (EA ε̇² + EI κ̇²) at velocities v, (4, 2), W; complex-step safe."""
@@ -153,27 +155,31 @@ class CableElement:
         return axial, (by_b * (B @ v)).sum(axis=1) + (by_c * (C @ v)).sum(axis=1)
 
     def tangent(self, q: Array) -> Array:
-        """Hessian of the energy, (4, 2, 4, 2)."""
+        """Hessian of the energy, (4, dim, 4, dim)."""
+        eye = np.eye(q.shape[1])
         B, w = self.axial_rule
         b = B @ q
         stretch = np.sqrt((b * b).sum(axis=1))
         t = b / stretch[:, None]
-        H = np.einsum("p,cd->pcd", 1.0 - 1.0 / stretch, np.eye(2))
+        H = np.einsum("p,cd->pcd", 1.0 - 1.0 / stretch, eye)
         H += np.einsum("p,pc,pd->pcd", 1.0 / stretch, t, t)
         K = np.einsum("p,pi,pcd,pj->icjd", self.EA * w, B, H, B)
 
         B, C, v = self.bending_rule
         b, c = B @ q, C @ q
-        curvature, by_b, by_c, s = self._curvature(b, c)
-        gradient = np.einsum("pi,pc->pic", B, by_b) + np.einsum("pi,pc->pic", C, by_c)
-        K += np.einsum("p,pic,pjd->icjd", self.EI * v, gradient, gradient)
-        # second derivatives of κ = (b·W c)/s, s = b·b
-        bb = -2.0 * (np.einsum("pc,pd->pcd", b, by_b) + np.einsum("pc,pd->pcd", by_b, b))
-        bb = (bb - 2.0 * curvature[:, None, None] * np.eye(2)) / s[:, None, None]
-        bc = W / s[:, None, None] - 2.0 * np.einsum("pc,pd->pcd", b, by_c) / s[:, None, None]
-        moment = self.EI * v * curvature
-        K += np.einsum("p,pi,pcd,pj->icjd", moment, B, bb, B)
-        cross = np.einsum("p,pi,pcd,pj->icjd", moment, B, bc, C)
+        s, d, e = self._across(b, c)
+        bb, be = np.einsum("pc,pd->pcd", b, b), np.einsum("pc,pd->pcd", b, e)
+        ee, n = np.einsum("pc,pd->pcd", e, e), (e * e).sum(axis=1)[:, None, None]
+        s, r = s[:, None, None], (d / s)[:, None, None]
+        across = eye - bb / s
+        by_bb = (
+            4.0 * n * bb / s - n * eye - ee + 3.0 * r * (be + be.transpose(0, 2, 1))
+        ) / s + r * r * across
+        by_bc = -(2.0 * be + be.transpose(0, 2, 1)) / s - r * across
+        moment = self.EI * v / s[:, 0, 0]
+        K += np.einsum("p,pi,pcd,pj->icjd", moment, B, by_bb, B)
+        K += np.einsum("p,pi,pcd,pj->icjd", moment, C, across, C)
+        cross = np.einsum("p,pi,pcd,pj->icjd", moment, B, by_bc, C)
         return K + cross + cross.transpose(2, 3, 0, 1)
 
     @property
@@ -197,6 +203,12 @@ class CableElement:
     def gravity(self) -> Array:
         """∫ρN dV, a number for each coordinate vector, kg: times the gravity vector it is the consistent force."""
         return self.mass_per_length * self.load
+
+    @staticmethod
+    def _across(b: Array, c: Array) -> tuple[Array, Array, Array]:
+        """s = b·b, d = b·c and the part of c across b, of b = r' and c = r''; κ² is its square over s."""
+        s, d = (b * b).sum(axis=1), (b * c).sum(axis=1)
+        return s, d, c - (d / s)[:, None] * b
 
     @staticmethod
     def _curvature(b: Array, c: Array) -> tuple[Array, Array, Array, Array]:

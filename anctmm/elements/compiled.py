@@ -10,12 +10,17 @@ from typing import Any
 
 from numba import carray, types
 
-from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
+from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel, spatial_cable_kernel
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.kernels.options import c_function
 
 #: Modules of kernels by kind of element; each has `forces`, `damping_forces`, `tangents`, `energy` and `constants`.
-MODULES: dict[str, ModuleType] = {"cable": cable_kernel, "shear": shear_kernel, "quintic": quintic_kernel}
+MODULES: dict[str, ModuleType] = {
+    "cable": cable_kernel,
+    "shear": shear_kernel,
+    "quintic": quintic_kernel,
+    "spatial_cable": spatial_cable_kernel,
+}
 #: Numbers of an element, rows of coordinates and numbers of the output, at most.
 NUMBERS, ROWS, ROOM = 96, 12, TANGENT_BUFFER
 
@@ -118,5 +123,26 @@ def quintic_tangents(q, v, nodes, first, count, constants, damping, out):  # typ
 def quintic_energy(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Strain energy of quintic elements."""
     carray(out, (ROOM,))[0] = quintic_kernel.energy(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,))
+    )
+
+
+def spatial_cable_forces(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    """Elastic forces of cable elements in space."""
+    spatial_cable_kernel.forces(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
+
+
+def spatial_cable_tangents(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    """Tangents of cable elements in space."""
+    spatial_cable_kernel.tangents(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
+
+
+def spatial_cable_energy(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    """Strain energy of cable elements in space."""
+    carray(out, (ROOM,))[0] = spatial_cable_kernel.energy(
         carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,))
     )

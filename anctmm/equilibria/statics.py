@@ -118,9 +118,9 @@ def solve_static(
             "path is 'arclength' beside branch 'stable'; one of them is allowed: the path passes stable and unstable "
             "equilibria"
         )
-    checked_scene(scene)
+    checked_scene(scene, space=True)
     run = discretise(run, options)
-    check_kinds(run.of(scene), with_statics(), "statics")
+    check_kinds(run.of(scene), ("cable",) if scene.dim == 3 else with_statics(), "statics")
     check_memory(scene, run, BYTES, (steps or 1) + 1, 8.0)
     system = System(scene, run)
     balance = Balance(system)

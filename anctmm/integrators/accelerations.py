@@ -9,11 +9,11 @@ changes nothing once multipliers do not.
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elimination.factor import factorize, solve
+from anctmm.elimination.factor import factorize
 from anctmm.integrators.state import State
 from anctmm.kernels.options import part, thin
 from anctmm.system.elastic import add_mass, subtract_inertia
-from anctmm.system.matrix import add_rows, clear, gather, scatter
+from anctmm.system.matrix import add_rows, clear, gather, scatter, solve_augmented
 from anctmm.system.rows import add_time_parts, multiply, set_jacobian, set_rates, set_rows
 from anctmm.system.system import Tables
 
@@ -50,7 +50,7 @@ def solve_accelerations(
     multiply(rows, state.w)
     add_time_parts(rows, state.q, state.v, signals, 2)
     set_row_sides(tables, -1.0)
-    solve(size, matrix.plan, matrix.values, matrix.x)
+    solve_augmented(size, tables)
     take_multipliers(tables)
     scatter(matrix.at, matrix.unknowns, dim, state.scratch)
     for k in range(state.w.shape[0]):
@@ -82,7 +82,7 @@ def take_off(size: tuple[int, ...], space: tuple[int, ...], tables: Tables, stat
         matrix.unknowns[k] = 0.0
     for r in range(len(rows.at)):
         matrix.unknowns[rows.at[r]] = -rows.g[r]
-    solve(size, matrix.plan, matrix.values, matrix.x)
+    solve_augmented(size, tables)
     scatter(matrix.at, matrix.unknowns, len(space), state.scratch)
     for k in range(x.shape[0]):
         for i in range(x.shape[1]):

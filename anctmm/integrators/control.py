@@ -46,6 +46,8 @@ FIRST, LEAST, CLOSE = 1e-3, 1e-10, 1e-12
 LEFT, ROUNDING = 0.1, 1e-13
 #: Times over the run at which loads and drives are sampled.
 SAMPLES = 400
+#: Steps of a run at most, by those tried until now, and the number of these from which on that is known.
+MOST, KNOWN = 1_000_000, 5_000
 
 
 class Trial(NamedTuple):
@@ -73,6 +75,10 @@ class NoStepError(Exception):
     """No step from here on can be taken."""
 
 
+class TooManyStepsError(Exception):
+    """The run would take more steps than anybody waits for."""
+
+
 def integrate(system: System, start: Solution | None = None) -> Solution:
     """Run a scene with a tolerance; answer and errors as of `anctmm.integrators.fixed.integrate`."""
     compiling.first_call(started, (system.size, system.space), system)
@@ -89,10 +95,23 @@ def integrate(system: System, start: Solution | None = None) -> Solution:
         raise HistoryError(solution(broken_off(error, march.t))) from error
     except NoStepError:
         status = failed_step(system, march.state, march.steps, march.t)
+    except TooManyStepsError:
+        status = too_slow(march)
     march.record.stop()
     if isinstance(system.run.method, GeneralizedAlpha):
         settle(system, march.record, march.state, march.outputs)
     return solution(status)
+
+
+def too_slow(march: "March") -> Status:
+    """Status of a run that would take too many steps."""
+    return Status(
+        "failed",
+        f"the tolerance needs steps of {march.wanted:.2g} s at t = {march.t:.6g} s, more than {MOST} for the run; a "
+        f"larger tolerance, a fixed dt, or histories with one smooth value at each time and stated breaks may help",
+        time=march.t,
+        step=march.steps,
+    )
 
 
 def trial_of(system: System, state: State, record: Record) -> Trial:
@@ -140,6 +159,7 @@ class March:
         self.kinks = [(n, float(kink)) for n, law in enumerate(laws) for kink in getattr(law, "kinks", ())]
         self.elongations = system.tables.acting.now[:, 4]
         self.t, self.steps, self.outputs, self.restart, self.rejected = 0.0, 0, 0, True, False
+        self.tried = 0
         self.wanted = self.last = self.of_matrix = FIRST * self.run.t_end
         self.error, self.moved, self.limit, self.tolerance = 1.0, 0.0, 0.0, float(self.run.tolerance or 0.0)
         self.changing, self.largest = (state.q, state.v, state.w, state.a), np.zeros(1)
@@ -181,6 +201,9 @@ class March:
     def attempt(self, h: float, end: Stop) -> float:
         """A step of h: its error over what is allowed, or infinity."""
         run, state, left = self.run, self.state, LEFT * self.allowed(h) / self.system.scene.length
+        self.tried += 1
+        if self.tried > KNOWN and self.t * MOST < self.tried * run.t_end:
+            raise TooManyStepsError
         state.scale[1] = min(left, run.newton_tolerance) if run.newton_given else left
         if abs(h - self.of_matrix) > SAME * self.of_matrix:
             state.counts[2] = 1

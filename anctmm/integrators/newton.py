@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elimination.factor import solve
 from anctmm.integrators.accelerations import VIOLATED
 from anctmm.integrators.state import State
 from anctmm.kernels.options import inlined, part, thin
 from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
-from anctmm.system.matrix import scatter
+from anctmm.system.matrix import scatter, solve_augmented
 from anctmm.system.rows import add_time_parts, multiply
 from anctmm.system.system import Tables
 
@@ -78,7 +77,7 @@ def iterate(
             renew(size, space, tables, state, c, signals, loads, free, t)
         if len(rows.at) > 0:
             off = set_row_sides(tables, state, c, signals, off)
-        solve(size, matrix.plan, matrix.values, matrix.x)
+        solve_augmented(size, tables)
         scatter(matrix.at, matrix.unknowns, dim, state.scratch)
         for r in range(len(rows.at)):
             rows.multiplier[r] += matrix.unknowns[rows.at[r]]

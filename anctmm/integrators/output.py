@@ -26,6 +26,9 @@ from anctmm.system.system import System, Tables, set_reactions
 Array = NDArray[np.float64]
 
 
+BodyField = HermiteField | RigidField
+
+
 class Output(NamedTuple):
     """What steps fill, for kernels.
 
@@ -86,13 +89,13 @@ class Record:
         """Stop the clocks: no more steps are taken."""
         self.ended = _clocks()
 
-    def fields(self, count: int, static: bool = False) -> dict[str, HermiteField | RigidField]:
+    def fields(self, count: int, static: bool = False) -> dict[str, BodyField]:
         """Motion of each body at the first outputs."""
-        mesh, found = self.system.mesh, dict[str, HermiteField | RigidField]()
+        mesh, found = self.system.mesh, dict[str, BodyField]()
         counted = dict(zip(turning_bodies(self.system.scene), self.out.angles[:count].T.copy(), strict=False))
         for name, series in mesh.by_body(self.out.series[: 1 if static else None, :count]).items():
             body = mesh.bodies[name]
-            turns = self.start is not None and not isinstance(body, MassMesh)
+            turns = self.start is not None and mesh.dim == 2 and not isinstance(body, MassMesh)
             turned = self.start.whole_turns.of_nodes(name)[-1:] if turns and self.start is not None else None
             found[name] = field_of(body, series, None if static else counted.get(name), turned)
         return found
@@ -126,9 +129,7 @@ def _clocks() -> tuple[float, float]:
     return time.process_time() - compiling.cpu_seconds, time.perf_counter() - compiling.seconds
 
 
-def field_of(
-    mesh: object, series: Array, angle: Array | None, turned: Array | None = None
-) -> HermiteField | RigidField:
+def field_of(mesh: object, series: Array, angle: Array | None, turned: Array | None = None) -> BodyField:
     """Motion of a body from coordinates and rates, (1 or 3, outputs, nodes, vectors, dim)."""
     q, *rates = series
     v, a = rates or (None, None)
@@ -141,9 +142,11 @@ def field_of(
     if isinstance(body, PointMass):
         whole: Any = [None if x is None else _beside(x, k) for k, x in enumerate((q, v, a))]
         return RigidField(whole[0], {}, whole[1], whole[2], turned, angle)
-    flat: Any = [None if x is None else x.reshape(len(x), 4, -1) for x in (q, v, a)]
-    arms = {key: tuple(np.asarray(body.position_at(key)) - body.center) for key in body.points}
-    return RigidField(flat[0], arms, *flat[1:])
+    flat: Any = [None if x is None else x.reshape(len(x), 4, 3) for x in (q, v, a)]
+    axes = mesh.axes  # type: ignore[attr-defined]
+    arms = {key: tuple((axes @ body.arm(key)).tolist()) for key in body.points}
+    rates = flat[1], flat[2]
+    return RigidField(flat[0], arms, *rates, None, None, tuple(map(tuple, axes.tolist())))
 
 
 def _beside(x: Array, order: int) -> Array:

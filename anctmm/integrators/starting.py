@@ -37,7 +37,8 @@ def started(system: System, start: Solution | None = None) -> State:
     if start is not None:
         check_start(system, start)
         q = coordinates_of(system, start, -1)
-        set_angles(system, start)
+        if system.mesh.dim == 2:
+            set_angles(system, start)
     state = new_state(system, q, v)
     inputs = system.inputs(np.zeros(1))
     given = inputs.signals[0], inputs.loads[0], inputs.free[0], 0.0

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import atan2, hypot
-from typing import TYPE_CHECKING, Any
+from math import atan2, dist
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,17 @@ from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
 from anctmm.model.velocities import Point, size_of, slope_of
-from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
+from anctmm.validation import (
+    LONGEST,
+    SHORTEST,
+    answer_of,
+    not_negative,
+    point,
+    positive,
+    text,
+    vector,
+    within,
+)
 
 #: Error of a velocity's slope, of the velocity, from which on it has none.
 UNSURE = 1e-4
@@ -27,10 +37,10 @@ def distance(a: Point, b: Point) -> float:
     Raises
     ------
     PropertyError
-        If one of them is no pair of finite numbers.
+        If one of them is no pair or triple of finite numbers, or they differ in that.
     """
-    (ax, ay), (bx, by) = vector("distance from (m)", a), vector("distance to (m)", b)
-    return hypot(bx - ax, by - ay)
+    one = vector("distance from (m)", a, dims=(2, 3))
+    return dist(one, vector("distance to (m)", b, dims=(len(one),)))
 
 
 @dataclass(frozen=True)
@@ -82,7 +92,7 @@ class Beam(BodyKind):
     ----------
     name : str
         Its ends are called "name.start" and "name.end".
-    start, end : (float, float)
+    start, end : (float, float), or (float, float, float) in space
         m.
     section : Section
     material : Material
@@ -119,8 +129,9 @@ class Beam(BodyKind):
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         set_(self, "name", text("beam name", self.name))
-        set_(self, "start", vector(f"beam {self.name!r} start (m)", self.start, high=LONGEST))
-        set_(self, "end", vector(f"beam {self.name!r} end (m)", self.end, high=LONGEST))
+        set_(self, "start", point(f"beam {self.name!r} start (m)", self.start))
+        end = vector(f"beam {self.name!r} end (m)", self.end, high=LONGEST, dims=(self.dim,))
+        set_(self, "end", end)
         for kind, thing in ((Section, self.section), (Material, self.material)):
             if not isinstance(thing, kind):
                 what = f"beam {self.name!r} {kind.__name__.lower()}"
@@ -141,7 +152,12 @@ class Beam(BodyKind):
     @property
     def length(self) -> float:
         """Undeformed length, m."""
-        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
+        return dist(self.start, self.end)
+
+    @property
+    def dim(self) -> int:
+        """Components of its places."""
+        return len(self.start)
 
     @property
     def mass(self) -> float:
@@ -150,7 +166,7 @@ class Beam(BodyKind):
 
     @property
     def angle(self) -> float:
-        """Direction from start to end, rad."""
+        """Direction from start to end in the plane, rad."""
         return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
     @property
@@ -172,8 +188,7 @@ class Beam(BodyKind):
         """Place at a fraction of the length in the reference, m."""
         if fraction in (0.0, 1.0):
             return self.end if fraction else self.start
-        (x, y), (u, v) = self.start, self.end
-        return x + fraction * (u - x), y + fraction * (v - y)
+        return tuple(a + fraction * (b - a) for a, b in zip(self.start, self.end, strict=True))
 
     def velocity_at(self, fraction: float) -> Point:
         """Initial velocity at a fraction of the length, m/s.
@@ -184,11 +199,12 @@ class Beam(BodyKind):
             If the callable raises, or answers with another thing than a pair of finite numbers.
         """
         if self.velocity is None:
-            return (0.0, 0.0)
+            return (0.0,) * self.dim
         name = f"beam {self.name!r} velocity"
         return vector(
             f"{name} at fraction {fraction!r} (m/s)",
             answer_of(f"{name}, a function,", self.velocity, fraction),
+            dims=(self.dim,),
         )
 
     def velocity_slope_at(self, fraction: float) -> Point:
@@ -200,15 +216,14 @@ class Beam(BodyKind):
             If the velocity has none there.
         """
         if self.velocity is None:
-            return (0.0, 0.0)
+            return (0.0,) * self.dim
         slope, error = slope_of(self.velocity_at, fraction, self.speed)
         if not error <= UNSURE * max(self.speed, *np.abs(slope)):
             raise PropertyError(
                 f"beam {self.name!r} velocity has no slope at fraction {fraction!r} (differences give "
                 f"{slope.tolist()!r} m/s, known to {error:.2g}); a smooth function is needed"
             )
-        found: Any = tuple(slope.tolist())
-        return found
+        return tuple(slope.tolist())
 
     @cached_property
     def speed(self) -> float:

@@ -6,7 +6,7 @@ together; the moment of a rotational spring is M = k (φ − φ₀) + c (φ' −
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import hypot
+from math import dist
 from typing import TYPE_CHECKING, Any, final
 
 from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, reason, shown
@@ -15,7 +15,7 @@ from anctmm.model.drives import breaks_of, value_at
 from anctmm.model.places import Graph, Place, Written, place_text, written
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.velocities import Point
-from anctmm.validation import LONGEST, is_pair, not_negative, number, reals, vector
+from anctmm.validation import has_length, not_negative, number, point, reals
 
 Pair = Callable[[Any], tuple[Any, Any]]
 """t (s) → a value and its rate."""
@@ -33,8 +33,8 @@ class Spring(ConnectorKind):
     Parameters
     ----------
     first : place
-    second : place or (float, float)
-        A pair of numbers is a point of the ground, m.
+    second : place or point
+        Two numbers, or three in space, are a point of the ground, m.
     stiffness : float
         N/m.
     damping : float
@@ -210,7 +210,7 @@ def check_connector(scene: Graph, connector: Connector) -> None:
         p = first.position
         q = second.position if isinstance(second, Place) else second
         assert q is not None  # a spring has a place or a point there
-        start = hypot(q[0] - p[0], q[1] - p[1])
+        start = dist(p, q)
         if start <= NEAR * max(map(abs, (*p, *q))):
             raise PropertyError(
                 f"{name_of(connector)} joins places at one point {p!r}; two points apart are needed, which give it a "
@@ -291,8 +291,8 @@ def _check_coefficients(connector: Connector, stiffness: str, damping: str, prel
 def _place_or_point(value: object) -> Written | Point:
     """A place of a body, or a point of the ground."""
     pair: Any = value
-    if not isinstance(value, str) and is_pair(value) and not isinstance(pair[0], str):
-        return vector("spring's point of the ground (m)", value, high=LONGEST)
+    if not isinstance(value, str) and has_length(value, (2, 3)) and not isinstance(pair[0], str):
+        return point("spring's point of the ground (m)", value)
     return written(value)
 
 

@@ -1,6 +1,6 @@
 """Joints: connections of places of bodies with each other or with the ground, and guides along lines."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, final
 
@@ -23,8 +23,8 @@ Motion = Callable[[Any], tuple[Any, Any, Any]]
 ROUNDING = 1e-12
 
 
-Equation = Scalar | Vector
-"""Each is zero; a vector stands for its components."""
+Equation = Scalar | Vector | Sequence[Scalar]
+"""Each is zero; a vector stands for its components. Scalars of one sequence are eliminated together."""
 
 
 class Joint(JointKind):
@@ -378,9 +378,68 @@ class Prismatic(_LineGuide):
     holds_direction = True
 
 
+@final
+@dataclass(frozen=True, init=False)
+class Revolute(Joint):
+    """Hinge in space: two places, or one place and the ground, stay together and turn about one axis.
+
+    Parameters
+    ----------
+    *places : place
+        Of rigid bodies; one place alone is hinged to the ground.
+    axis : (float, float, float)
+        Direction of the axis in the reference, of any length; stored as a unit vector.
+
+    Raises
+    ------
+    PropertyError
+        If the axis has no length, or there are more than two places.
+    """
+
+    holds_direction, on_line, shares_position = True, False, True
+    ends: tuple[Written, ...]
+    axis: Point
+
+    def __init__(self, *places: Written, axis: PairLike = (0.0, 0.0, 1.0)) -> None:
+        what = f"revolute joint of {shown(places)}"
+        if not 1 <= len(places) <= 2:
+            raise PropertyError(f"{what} has {len(places)} places; one or two are needed")
+        given = vector(f"{what} axis", axis, dims=(3,))
+        size = float(np.linalg.norm(given))
+        if size == 0.0:
+            raise PropertyError(f"{what} axis is {shown(given)}; a vector of some length is needed")
+        object.__setattr__(self, "ends", tuple(map(written, places)))
+        object.__setattr__(self, "axis", tuple(x / size for x in given))
+
+    def __repr__(self) -> str:
+        return f"Revolute({', '.join(map(repr, self.ends))}, axis={self.axis!r})"
+
+    @property
+    def grounded(self) -> bool:  # type: ignore[override]
+        """Whether it has one place alone."""
+        return len(self.ends) == 1
+
+    def equations(self, *places: Any) -> list[Equation]:
+        """Positions are one, and two vectors across the axis of the second body stay across that of the first."""
+        axis = np.asarray(self.axis)
+        across = np.linalg.svd(axis[None])[2][1:]
+        last, *first = reversed(places)
+        line = _fixed_in(first[0], axis) if first else last.position.initial * 0.0 + axis
+        met = first[0].position if first else last.position.start
+        return [last.position - met, [line @ _fixed_in(last, vector) for vector in across]]
+
+
+def _fixed_in(place: Any, direction: NDArray[Any]) -> Vector:
+    """The vector that turns with a place and is a direction in the reference."""
+    found = place.axis(0) * float(direction[0])
+    for k in (1, 2):
+        found = found + place.axis(k) * float(direction[k])
+    return found
+
+
 Guide = Slider | Prismatic
 #: All kinds of this package. None may be a subclass of another: solvers distinguish them by class.
-JOINTS = (Pin, Weld, Clamp, Slider, Prismatic)
+JOINTS = (Pin, Weld, Clamp, Slider, Prismatic, Revolute)
 
 
 def unknown_joint(joint: Joint) -> Exception:

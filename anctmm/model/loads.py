@@ -18,7 +18,7 @@ from anctmm.validation import flag, number, text, vector
 @final
 @dataclass(frozen=True)
 class Force(LoadKind):
-    """Force on a place: constant (Fx, Fy) or t → (Fx, Fy), N.
+    """Force on a place: constant (Fx, Fy) or t → (Fx, Fy), N; three components in space.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Force(LoadKind):
         object.__setattr__(self, "end", written(self.end))
         object.__setattr__(self, "follower", flag(f"{load_text(self)} follower", self.follower))
         if not callable(self.value):
-            object.__setattr__(self, "value", vector(f"{load_text(self)} (N)", self.value))
+            object.__setattr__(self, "value", vector(f"{load_text(self)} (N)", self.value, dims=(2, 3)))
         breaks_of(load_text(self), self.value)
 
 
@@ -88,7 +88,7 @@ class LineLoad(LoadKind):
     def __post_init__(self) -> None:
         object.__setattr__(self, "body", text("line load body", self.body))
         if not callable(self.value):
-            object.__setattr__(self, "value", vector(f"{load_text(self)} (N/m)", self.value))
+            object.__setattr__(self, "value", vector(f"{load_text(self)} (N/m)", self.value, dims=(2, 3)))
         breaks_of(load_text(self), self.value)
 
 
@@ -131,9 +131,9 @@ def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float
     return table
 
 
-def width_of(load: Load) -> int:
-    """Numbers that the value of a load has."""
-    return 1 if isinstance(load, Torque) else 2
+def width_of(load: Load, dim: int = 2) -> int:
+    """Numbers that the value of a load has, in the plane or in space of `dim` components."""
+    return 1 if isinstance(load, Torque) else dim
 
 
 def varies(load: Load) -> bool:
@@ -163,4 +163,4 @@ def check_load(scene: Graph, load: Load) -> None:
                 f"a dead Force is allowed there"
             )
     if callable(load.value):
-        tabulate(load_text(load), load.value, np.zeros(1), width_of(load))
+        tabulate(load_text(load), load.value, np.zeros(1), width_of(load, scene.dim))

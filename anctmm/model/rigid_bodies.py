@@ -6,19 +6,24 @@ from functools import cached_property
 from math import hypot
 from typing import TYPE_CHECKING, Any, final
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from anctmm.errors import PropertyError, shown
 from anctmm.model.accepted import BodyKind, PairLike
-from anctmm.model.velocities import Point
-from anctmm.validation import LONGEST, FrozenMapping, number, positive, text, vector
+from anctmm.model.velocities import Point, turned
+from anctmm.validation import LONGEST, FrozenMapping, number, point, positive, reals, text, vector
 
 #: The point that every rigid body and point mass has: its centre of mass.
 CENTER = "center"
+#: Part by which a tensor of inertia may not be symmetric, and a principal moment larger than the sum of the others.
+ROUNDING = 1e-12
 
 
 @final
 @dataclass(frozen=True)
 class RigidBody(BodyKind):
-    """A rigid body in the plane.
+    """A rigid body, in the plane or in space.
 
     Parameters
     ----------
@@ -26,16 +31,17 @@ class RigidBody(BodyKind):
         Its points are called "name.point"; "name.center" is its centre of mass.
     mass : float
         kg.
-    inertia : float
-        Moment of inertia about the centre of mass, kg m².
-    center : (float, float)
+    inertia : float, or array
+        Moment of inertia about the centre of mass, kg m². In space the tensor, 3 × 3, or its principal values along the
+        axes of the reference, none larger than the sum of the others.
+    center : (float, float), or (float, float, float) in space
         Centre of mass in the reference, m.
-    points : mapping of str to (float, float)
+    points : mapping of str to place
         Places where joints, connectors, loads and probes can be, in the reference, m; "center" is there without it.
-    velocity : (float, float)
-        Of the centre of mass at t = 0, m/s.
-    spin : float
-        Rate of turning at t = 0, counter-clockwise, rad/s.
+    velocity : sequence of float, optional
+        Of the centre of mass at t = 0, m/s. Default: at rest.
+    spin : float, or (float, float, float) in space
+        Rate of turning at t = 0, counter-clockwise, rad/s; in space the angular velocity. Default: 0.
 
     Raises
     ------
@@ -45,11 +51,11 @@ class RigidBody(BodyKind):
 
     name: str
     mass: float
-    inertia: float
+    inertia: Any
     center: Point
     points: Mapping[str, Point] = field(default_factory=dict)
-    velocity: Point = (0.0, 0.0)
-    spin: float = 0.0
+    velocity: Point = None  # type: ignore[assignment]
+    spin: Any = None
 
     if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
 
@@ -57,11 +63,11 @@ class RigidBody(BodyKind):
             self,
             name: str,
             mass: float,
-            inertia: float,
+            inertia: float | ArrayLike,
             center: PairLike,
             points: Mapping[str, PairLike] = ...,
-            velocity: PairLike = ...,
-            spin: float = ...,
+            velocity: PairLike | None = ...,
+            spin: float | PairLike | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -69,11 +75,21 @@ class RigidBody(BodyKind):
         set_(self, "name", text("rigid body name", self.name))
         what = f"rigid body {self.name!r}"
         set_(self, "mass", positive(f"{what} mass (kg)", self.mass))
-        set_(self, "inertia", positive(f"{what} inertia (kg m²)", self.inertia))
-        set_(self, "center", vector(f"{what} center (m)", self.center, high=LONGEST))
-        set_(self, "points", _points(what, self.points))
-        set_(self, "velocity", vector(f"{what} velocity (m/s)", self.velocity))
-        set_(self, "spin", number(f"{what} spin (rad/s)", self.spin))
+        set_(self, "center", point(f"{what} center (m)", self.center))
+        set_(self, "points", _points(what, self.points, self.dim))
+        set_(self, "velocity", _velocity(what, self.velocity, self.dim))
+        name, spin = f"{what} spin (rad/s)", self.spin
+        if self.dim == 2:
+            set_(self, "inertia", positive(f"{what} inertia (kg m²)", self.inertia))
+            set_(self, "spin", 0.0 if spin is None else number(name, spin))
+        else:
+            set_(self, "inertia", _tensor(f"{what} inertia (kg m²)", self.inertia))
+            set_(self, "spin", (0.0, 0.0, 0.0) if spin is None else vector(name, spin, dims=(3,)))
+
+    @property
+    def dim(self) -> int:
+        """Components of its places."""
+        return len(self.center)
 
     @cached_property
     def extent(self) -> float:
@@ -100,18 +116,16 @@ class RigidBody(BodyKind):
 
     def arm(self, key: str) -> Point:
         """Offset of a point from the centre of mass in the reference, m."""
-        x, y = self.position_at(key)
-        return x - self.center[0], y - self.center[1]
+        return tuple(a - b for a, b in zip(self.position_at(key), self.center, strict=True))
 
     def velocity_at(self, key: str) -> Point:
         """Velocity of a point at t = 0, m/s."""
-        x, y = self.arm(key)
-        return self.velocity[0] - self.spin * y, self.velocity[1] + self.spin * x
+        return tuple((self.velocity + turned(self.spin, self.arm(key))).tolist())
 
     @property
     def moving(self) -> bool:
         """Whether it moves at t = 0."""
-        return bool(self.spin or any(self.velocity))
+        return bool(np.any(self.spin) or any(self.velocity))
 
     @property
     def speed(self) -> float:
@@ -130,10 +144,10 @@ class PointMass(BodyKind):
         Its place is "name.center".
     mass : float
         kg.
-    position : (float, float)
+    position : (float, float), or (float, float, float) in space
         In the reference, m.
-    velocity : (float, float)
-        At t = 0, m/s.
+    velocity : sequence of float, optional
+        At t = 0, m/s. Default: at rest.
 
     Raises
     ------
@@ -144,7 +158,7 @@ class PointMass(BodyKind):
     name: str
     mass: float
     position: Point
-    velocity: Point = (0.0, 0.0)
+    velocity: Point = None  # type: ignore[assignment]
 
     if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
 
@@ -153,7 +167,7 @@ class PointMass(BodyKind):
             name: str,
             mass: float,
             position: PairLike,
-            velocity: PairLike = ...,
+            velocity: PairLike | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -161,8 +175,13 @@ class PointMass(BodyKind):
         set_(self, "name", text("point mass name", self.name))
         what = f"point mass {self.name!r}"
         set_(self, "mass", positive(f"{what} mass (kg)", self.mass))
-        set_(self, "position", vector(f"{what} position (m)", self.position, high=LONGEST))
-        set_(self, "velocity", vector(f"{what} velocity (m/s)", self.velocity))
+        set_(self, "position", point(f"{what} position (m)", self.position))
+        set_(self, "velocity", _velocity(what, self.velocity, self.dim))
+
+    @property
+    def dim(self) -> int:
+        """Components of its places."""
+        return len(self.position)
 
     @property
     def center(self) -> Point:
@@ -202,7 +221,39 @@ class PointMass(BodyKind):
         return max(map(abs, self.velocity))
 
 
-def _points(what: str, points: Any) -> FrozenMapping:
+def _velocity(what: str, velocity: Any, dim: int) -> Point:
+    """A velocity at t = 0, zero if there is none."""
+    return (0.0,) * dim if velocity is None else vector(f"{what} velocity (m/s)", velocity, dims=(dim,))
+
+
+def _tensor(what: str, inertia: Any) -> tuple[tuple[float, ...], ...]:
+    """A tensor of inertia from itself, or from its principal values.
+
+    Raises
+    ------
+    PropertyError
+        If no distribution of mass has it.
+    """
+    needed = "three positive principal values, or a symmetric 3 × 3 array of them in other axes"
+    try:
+        given = reals(inertia)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    tensor = np.diag(given) if given.shape == (3,) else given
+    symmetric = tensor.shape == (3, 3) and np.abs(tensor - tensor.T).max() <= ROUNDING * np.abs(tensor).max()
+    if not symmetric:  # nor where a number is none
+        raise PropertyError(f"{what} is {shown(inertia)}; {needed}, is needed")
+    tensor = 0.5 * (tensor + tensor.T)
+    moments = np.linalg.eigvalsh(tensor)
+    if not moments[0] > 0.0 or not moments[2] <= moments[:2].sum() * (1.0 + ROUNDING):
+        raise PropertyError(
+            f"{what} is {shown(inertia)}, with principal values {moments.tolist()}; {needed}, none larger than the sum "
+            f"of the others, is needed"
+        )
+    return tuple(map(tuple, tensor.tolist()))
+
+
+def _points(what: str, points: Any, dim: int) -> FrozenMapping:
     needed = "a mapping of names to points (x, y) in the reference is needed, such as {'a': (0.5, 0.0)}"
     if not isinstance(points, Mapping):
         raise PropertyError(f"{what} points is {shown(points)}; {needed}")
@@ -215,5 +266,5 @@ def _points(what: str, points: Any) -> FrozenMapping:
             raise PropertyError(
                 f"{what} has a point {CENTER!r}; this name is that of the centre of mass: another is needed"
             )
-        found[key] = vector(f"{what} point {key!r} (m)", place, high=LONGEST)
+        found[key] = vector(f"{what} point {key!r} (m)", place, high=LONGEST, dims=(dim,))
     return FrozenMapping(found)

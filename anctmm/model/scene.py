@@ -11,15 +11,17 @@ from anctmm.errors import (
     SceneError,
     UnknownKindError,
     UnknownNameError,
+    UnsupportedError,
     listed,
     shown,
 )
 from anctmm.model.accepted import BodyKind, ConnectorKind, JointKind, LoadKind, PairLike
 from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
 from anctmm.model.checks.joints import check_joints
+from anctmm.model.checks.space import check_dimension
 from anctmm.model.checks.start import check_start
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Revolute, Slider, Weld
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
 from anctmm.model.places import PLACE_NEEDED, SIDES, Key, Place, Written, place_in, written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -39,6 +41,7 @@ __all__ = [
     "PointMass",
     "Prismatic",
     "Probe",
+    "Revolute",
     "RigidBody",
     "RotationalSpring",
     "Scene",
@@ -57,17 +60,19 @@ MOST = 1_000_000
 
 @dataclass(frozen=True)
 class Scene:
-    """A planar system of bodies, validated on construction.
+    """A system of bodies in the plane or in space, validated on construction.
+
+    The plane has places of two components, space of three. What is offered in space says `anctmm.model.checks.space`.
 
     Parameters
     ----------
     name : str
     bodies : iterable of Beam, RigidBody, PointMass
-    joints : iterable of Pin, Weld, Clamp, Slider, Prismatic
+    joints : iterable of Pin, Weld, Clamp, Slider, Prismatic, Revolute
         Edges of a graph, which may branch and close loops. A body without a joint is free.
     loads : iterable of Force, Torque, LineLoad
-    gravity : (float, float)
-        m/s².
+    gravity : (float, float), or (float, float, float) in space, optional
+        m/s². Default: none.
     connectors : iterable of Spring, RotationalSpring
 
     Raises
@@ -80,7 +85,7 @@ class Scene:
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
     loads: tuple[Load, ...] = ()
-    gravity: Point = (0.0, 0.0)
+    gravity: Point = None  # type: ignore[assignment]
     connectors: tuple[Connector, ...] = ()
     _by_name: dict[str, Body] = field(init=False, repr=False, compare=False, hash=False)
 
@@ -92,7 +97,7 @@ class Scene:
             bodies: Iterable[BodyKind],
             joints: Iterable[JointKind] = ...,
             loads: Iterable[LoadKind] = ...,
-            gravity: PairLike = ...,
+            gravity: PairLike | None = ...,
             connectors: Iterable[ConnectorKind] = ...,
         ) -> None: ...
 
@@ -107,14 +112,16 @@ class Scene:
         set_(self, "bodies", _all_of("bodies", self.bodies, BODIES))
         set_(self, "joints", _all_of("joints", self.joints, JOINTS, Joint))
         set_(self, "loads", _all_of("loads", self.loads, LOADS))
-        set_(self, "gravity", vector("gravity (m/s²)", self.gravity))
         set_(self, "connectors", _all_of("connectors", self.connectors, CONNECTORS))
         if not self.bodies:
             raise SceneError(f"scene {self.name!r} has no bodies; at least one is needed")
+        gravity = (0.0,) * self.dim if self.gravity is None else self.gravity
+        set_(self, "gravity", vector("gravity (m/s²)", gravity, dims=(self.dim,)))
         set_(self, "_by_name", {b.name: b for b in self.bodies})
         if len(self._by_name) < len(self.bodies):
             twice, times = Counter(b.name for b in self.bodies).most_common(1)[0]
             raise DuplicateNameError(f"body name {twice!r} is used {times} times; once is allowed")
+        check_dimension(self)
         check_joints(self)
         for connector in self.connectors:
             check_connector(self, connector)
@@ -123,8 +130,8 @@ class Scene:
 
     @property
     def dim(self) -> int:
-        """Components of a place: 2 in the plane."""
-        return len(self.gravity)
+        """Components of a place, those of the first body: 2 in the plane, 3 in space."""
+        return self.bodies[0].dim
 
     @cached_property
     def own_joints(self) -> tuple[Joint, ...]:
@@ -231,16 +238,22 @@ class SceneToBeStarted(Scene):
         self._check()
 
 
-def checked_scene(scene: object) -> Scene:
+def checked_scene(scene: object, space: bool = False) -> Scene:
     """Return a scene, or refuse what is none.
+
+    space: whether it may be in space.
 
     Raises
     ------
     UnknownKindError
         A subclass is none, either: it may mean something that no solver knows.
+    UnsupportedError
+        If it is in space, and may not be.
     """
     if type(scene) is not Scene:
         raise UnknownKindError(f"scene is {shown(scene)} of type {type(scene).__name__}; a Scene is needed")
+    if scene.dim == 3 and not space:
+        raise UnsupportedError(f"scene {scene.name!r} is in space; a scene in the plane is needed here")
     return scene
 
 

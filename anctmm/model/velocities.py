@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from anctmm.validation import LONGEST, number, vector
 
 Array = NDArray[np.float64]
-Point = tuple[float, float]
+Point = tuple[float, ...]
+"""Two numbers in the plane, three in space."""
 #: Points at which a velocity is looked at.
 SAMPLES = 9
 #: Parts of the length over which slopes are found, one after another until their error is small; such an error, of the

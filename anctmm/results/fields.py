@@ -187,22 +187,30 @@ class RigidField(NodalField):
 
     Parameters
     ----------
-    coordinates : ndarray, shape (n, 2, 2)
-        Place of the centre of mass, m, and the unit vector t that turns with the body, (1, 0) before the start.
-    points : mapping of str to (float, float)
-        Where its points stand from the centre, before the start, m.
+    coordinates : ndarray, shape (n, 2, 2), or (n, 4, 3) in space
+        Place of the centre of mass, m, and the unit vector t that turns with the body, (1, 0) before the start; in
+        space those along the principal axes.
+    points : mapping of str to tuple of float
+        Where its points stand from the centre, before the start, m; in space along the principal axes.
     velocities, accelerations : ndarray, shape (n, 2, 2), optional
         Rates, per s and s².
     turned, start_angle : ndarray, shapes (k, 1) and (n,), optional
         As of `HermiteField`.
+    axes : tuple, shape (3, 3)
+        In space the principal axes in the reference, as rows.
     """
 
     coordinates: Array
-    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    points: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     velocities: Array | None = None
     accelerations: Array | None = None
     turned: Array | None = None
     start_angle: Array | None = None
+    axes: tuple[tuple[float, ...], ...] = ()
+
+    def rotation(self) -> Array:
+        """In space the matrices that turn vectors of the reference into those of the body, (n, 3, 3)."""
+        return self.coordinates[:, 1:].transpose(0, 2, 1) @ np.array(self.axes)
 
     @property
     def node_directions(self) -> Array:

@@ -18,7 +18,7 @@ from anctmm.model.connectors import Connector
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Beam, PointMass, Probe, RigidBody, Scene
 from anctmm.results.export import pictures, saving, tables, vtk
-from anctmm.results.fields import Field
+from anctmm.results.fields import Field, RigidField
 from anctmm.results.internal_forces.actions import tension_of
 from anctmm.results.internal_forces.reactions import reactions_of
 from anctmm.results.internal_forces.section_forces import section_force
@@ -158,15 +158,17 @@ class Solution:
     @cached_property
     def whole_turns(self) -> WholeTurns:
         """Angles of sections since the undeformed scene."""
+        self._check_plane("angles are")
         return WholeTurns(self.scene, self.fields, self.t, self.static)
 
     @cached_property
     def _reactions(self) -> list[Array]:
         """Reactions of all joints, in the scene's order."""
+        self._check_plane("reactions are")
         return reactions_of(self)
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
-        """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
+        """Positions of a material point, (n, dim), m; of k fractions (n, k, dim).
 
         Parameters
         ----------
@@ -181,7 +183,7 @@ class Solution:
         UnknownNameError, PropertyError
             If there is no such place.
         """
-        return self._read(place, fraction, lambda name, at: self.fields[name].position(at), 2)
+        return self._read(place, fraction, lambda name, at: self.fields[name].position(at), self.scene.dim)
 
     def velocity(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Velocities of a material point, (n, 2), m/s; of k fractions (n, k, 2). Parameters as of `position`.
@@ -191,7 +193,8 @@ class Solution:
         ResultError
             If the solver stores no velocities, or the solution is static.
         """
-        return self._read(place, fraction, lambda name, at: cast(Any, self.fields[name]).velocity(at), 2)
+        dim = self.scene.dim
+        return self._read(place, fraction, lambda name, at: cast(Any, self.fields[name]).velocity(at), dim)
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Angles by which sections have rotated since the first output, counter-clockwise.
@@ -224,10 +227,26 @@ class Solution:
         angles = self._read(self._turning(place, fraction), fraction, self._angle)
         return np.asarray(angles - angles[:1])
 
+    def rotation(self, body: str) -> Array:
+        """Matrices that turn vectors of the reference into those of a rigid body in space, (n, 3, 3).
+
+        Raises
+        ------
+        UnknownNameError
+            If the scene has no such body.
+        ResultError
+            If it is no rigid body in space.
+        """
+        field = self.fields.get(self.scene.body(body).name)
+        if not isinstance(field, RigidField) or not field.axes:
+            raise ResultError(f"body {body!r} has no matrix of rotation; a RigidBody in space is needed")
+        return field.rotation()
+
     def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
         `velocity`.
         """
+        self._check_plane("angles are")
         return self._read(self._turning(place, fraction), fraction, self._spin)
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
@@ -253,6 +272,7 @@ class Solution:
         UnknownKindError
             If the body is no beam.
         """
+        self._check_plane("section forces are")
         return self._read(place, fraction, self._section_force, 3)
 
     def reaction(self, joint: JointKind) -> Array:
@@ -307,6 +327,14 @@ class Solution:
     to_vtk = vtk.to_vtk
     plot = pictures.plot
     animate = pictures.animate
+
+    def _check_plane(self, what: str) -> None:
+        """Raises ResultError if the scene is in space."""
+        if self.scene.dim == 3:
+            raise ResultError(
+                f"{what} offered in the plane, and scene {self.scene.name!r} is in space; there are positions, "
+                f"velocities, energies, tensions, and the `rotation` of rigid bodies"
+            )
 
     def _read(
         self, place: Probe, fraction: Fractions | None, read: Callable[[str, Any], Array], *width: int

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import VECTORS, Element, ElementKind
 from anctmm.model.bodies import Beam
-from anctmm.model.expressions import QUARTER_TURN
+from anctmm.model.expressions import QUARTER_TURN, Scalar, Vector
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 from anctmm.model.velocities import second_derivative
 
@@ -258,6 +258,15 @@ class RigidMesh:
         """The vectors that joints hold: u."""
         return [self.direction()]
 
+    def frame(self) -> list[Form]:
+        """The unit vector u."""
+        return [self.direction()]
+
+    def shape(self, axes: Sequence[Vector]) -> list[Scalar]:
+        """What is zero of u, which stays a unit vector."""
+        u = axes[0]
+        return [0.5 * (u @ u - float(u.start @ u.start))]
+
     def _turn(self, vector: Array) -> Array:
         """Matrix that makes a vector fixed in the body of the difference of both anchors."""
         assert self.anchors is not None  # as the callers have checked
@@ -328,6 +337,15 @@ class SpatialMesh:
     def direction(self, key: Any = None) -> Form:
         """The vector that is e_x in the reference."""
         return self._fixed(np.array([1.0, 0.0, 0.0]))
+
+    def shape(self, axes: Sequence[Vector]) -> list[list[Scalar]]:
+        """What is zero of u, v and w, which stay unit vectors at right angles."""
+        u, v, w = axes
+        return [[*(0.5 * (a @ a - 1.0) for a in axes), u @ v, v @ w, w @ u]]
+
+    def frame(self) -> list[Form]:
+        """The coordinate vectors u, v and w."""
+        return [{k: np.eye(3)} for k in (1, 2, 3)]
 
     @cached_property
     def mass_matrix(self) -> Array:

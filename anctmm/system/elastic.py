@@ -1,6 +1,6 @@
 """Elastic forces, inertia, tangents and energies of all elements and rigid bodies, body after body."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,7 @@ def elements_of(numbering: Numbering) -> Elements:
     beams = mesh.beams
     first = np.array([mesh.first[m.body.name] for m in beams], dtype=np.int64)
     count = np.array([m.elements for m in beams], dtype=np.int64)
-    constants = _table([MODULES[m.kind.name].constants(m.element) for m in beams])
+    constants = _table([_kernels(m).constants(m.element) for m in beams])
     masses = np.zeros((len(beams), 2 * mesh.slots, 2 * mesh.slots))
     for table, m in zip(masses, beams, strict=True):
         at = np.concatenate([np.arange(m.vectors), mesh.slots + np.arange(m.vectors)])
@@ -97,7 +97,7 @@ def stiffened(mesh: Mesh, elements: Elements, rate: float) -> None:
     for n, m in enumerate(mesh.beams):
         if m.element.damping:
             element = m.element.stiffened(1.0 + m.element.damping * rate, False)
-            row = MODULES[m.kind.name].constants(element)
+            row = _kernels(m).constants(element)
             elements.stiff[n, : len(row)] = row
 
 
@@ -105,7 +105,16 @@ def _addresses(mesh: BeamMesh) -> list[int]:
     """Addresses of the kernels of a beam's elements."""
     damped = bool(mesh.element.damping)
     kinds = ("forces", "damping", "tangents", "energy")
-    return [address(mesh.kind.name, what) if what != "damping" or damped else 0 for what in kinds]
+    return [address(_kernel_name(mesh), what) if what != "damping" or damped else 0 for what in kinds]
+
+
+def _kernel_name(mesh: BeamMesh) -> str:
+    """The kernels of a beam's elements, by their name in `MODULES`."""
+    return mesh.kind.name if len(mesh.along) == 2 else f"spatial_{mesh.kind.name}"
+
+
+def _kernels(mesh: BeamMesh) -> Any:
+    return MODULES[_kernel_name(mesh)]
 
 
 def _table(rows: list[Array]) -> Array:

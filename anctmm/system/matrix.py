@@ -6,7 +6,8 @@ Blocks lie one after another, so that entry (k, m) of the matrix of a pair is si
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.options import inlined, kernel, part
+from anctmm.elimination.factor import solve
+from anctmm.kernels.options import inlined, kernel, part, thin
 from anctmm.system.rows import Rows
 
 Array = NDArray[np.float64]
@@ -42,6 +43,37 @@ def add_rows(rows: Rows, flat: Array, size: int, mass: float, stiffness: float, 
     for r in range(len(rows.at)):
         at = rows.at[r]
         flat[at * size + at % size] -= rows.compliance[r] / mass
+        rows.weight[r] = rows.stiff[r] * mass
+    for t in range(len(rows.squares)):
+        e, d, code = rows.squares[t]
+        weight = rows.weight[rows.entries[e, 0]]
+        for k in range(dim):
+            for m in range(dim):
+                add(flat, size, code, k, m, weight * rows.J[e, k] * rows.J[d, m])
+
+
+@part
+def augment(rows: Rows, at: Ints, x: Array) -> None:
+    """Add s Jᵀ r to the right-hand side x, where r are the right-hand sides of the rows: J y = r has s JᵀJ y = s Jᵀ r.
+
+    The matrix M + s JᵀJ can be eliminated, too, where M is zero, and the multipliers are the same.
+    """
+    dim = rows.J.shape[1]
+    for e in range(len(rows.entries)):
+        row, i, a = rows.entries[e]
+        to = at[a // dim, i]
+        if rows.weight[row] != 0.0 and to >= 0:
+            for k in range(dim):
+                x[to + k] += rows.weight[row] * rows.J[e, k] * x[rows.at[row]]
+
+
+@thin
+def solve_augmented(size, tables):  # type: ignore[no-untyped-def]
+    """Solve with the factored matrix, in place of the right-hand side in the unknowns."""
+    matrix = tables.matrix
+    if len(tables.rows.squares) > 0:
+        augment(tables.rows, matrix.at, matrix.unknowns)
+    solve(size, matrix.plan, matrix.values, matrix.x)
 
 
 @part

@@ -159,8 +159,7 @@ class Numbering:
             left = found
         rows, seen = list[Row](), set[tuple[object, ...]]()
         for group, (owner, equation, _) in enumerate(left):
-            parts = equation.components() if isinstance(equation, Vector) else [equation]
-            for part in parts:
+            for part in _parts(equation):
                 row = Row(_without_zeros(part), owner, group)
                 key = self._key(row)
                 if key not in seen and any(map(self._moves, row.vectors)):
@@ -341,6 +340,13 @@ class Numbering:
     def unknowns(self) -> int:
         """Number of unknown coordinates, without multipliers."""
         return self.mesh.dim * sum(map(len, self._blocks))
+
+
+def _parts(equation: Equation) -> Sequence[Scalar]:
+    """Rows of an equation."""
+    if isinstance(equation, Vector):
+        return equation.components()
+    return [equation] if isinstance(equation, Scalar) else equation
 
 
 def _without_zeros(row: Scalar) -> Scalar:

@@ -3,7 +3,7 @@
 A row is Σ w x·C y + Σ w c·x + Σ w n = 0 over vectors x, y with signals w(t): see `anctmm.model.expressions`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from anctmm.kernels.options import kernel, part
 from anctmm.model.expressions import Signal
-from anctmm.system.numbering import Numbering
+from anctmm.system.body_meshes import SpatialMesh
+from anctmm.system.numbering import Numbering, Row
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,6 +44,10 @@ class Rows(NamedTuple):
         δ of each row over the factor of the mass in the matrix: see `regularisation`.
     g, multiplier : ndarray, shape (rows,)
         Values of the rows, and their multipliers: written by runs.
+    stiff, weight : ndarray, shape (rows,)
+        s of each row, 0 of most, and s times the factor of the mass in the matrix: see `augment`.
+    squares : ndarray of int, shape (n, 3)
+        Pairs of entries of J whose products stand in s JᵀJ, and where these are in the matrix.
     """
 
     pairs: Ints
@@ -59,6 +64,9 @@ class Rows(NamedTuple):
     compliance: Array
     g: Array
     multiplier: Array
+    stiff: Array
+    weight: Array
+    squares: Ints
 
 
 #: δ of a row, over ΣJ²/(c m): large beside rounding, small beside what a correction by Newton's method mends.
@@ -105,6 +113,8 @@ def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Row
         np.zeros((len(entry), dim)), numbering.multiplier, numbering.row_codes(rows, vectors),
         numbering.codes(*_vectors(_table(pairs, 8), mesh.slots, dim)), np.zeros(len(numbering.rows)),
         np.zeros(len(numbering.rows)), np.zeros(len(numbering.rows)),
+        np.array([_augmented(numbering, row) for row in numbering.rows], dtype=float),
+        np.zeros(len(numbering.rows)), _squares(numbering, entry),
     )  # fmt: skip
     set_jacobian(found, mesh.reference, _at_start(signals))
     unknown = numbering.root[vectors]
@@ -113,6 +123,26 @@ def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Row
     part = np.where(unknowns, np.where(found.codes >= 0, REGULARISATION, 0.0), 1.0)
     np.add.at(found.compliance, rows, part * size)
     return found
+
+
+def _augmented(numbering: Numbering, row: Row) -> float:
+    """s of a row that keeps the shape of a rigid body in space, whose mass matrix may be singular; 0 of others."""
+    mesh = numbering.mesh
+    bodies = {mesh.body_at(x // mesh.slots)[0] for x in row.vectors}
+    body = mesh.bodies[bodies.pop()] if len(bodies) == 1 and numbering.curved(row) else None
+    return float(body.moments.max()) if isinstance(body, SpatialMesh) else 0.0
+
+
+def _squares(numbering: Numbering, entry: Mapping[tuple[int, int], int]) -> Ints:
+    """Pairs of entries of rows that are augmented, and the codes of their vectors."""
+    found = list[tuple[int, int, int]]()
+    stiff = [_augmented(numbering, row) > 0.0 for row in numbering.rows]
+    for (row, x), e in entry.items():
+        for (other, y), d in entry.items() if stiff[row] else ():
+            if other == row and d <= e:
+                code = int(numbering.codes(np.array([x]), np.array([y]))[0])
+                found.append((e, d, code & ~3 if e == d and code >= 0 else code))
+    return _table(found, 3)
 
 
 def _at_start(signals: Sequence[Signal]) -> Array:

@@ -156,10 +156,8 @@ class System:
             found.append((shown(joint), joint.equations(*places)))
         for name, body in mesh.bodies.items():
             if isinstance(body, RigidMesh | SpatialMesh):
-                axes = [mesh.expression(name, form) for form in body.gradients()]
-                products = [(a, b) for n, a in enumerate(axes) for b in axes[: n + 1]]
-                rows = [0.5 * (a @ b - float(a.start @ b.start)) for a, b in products]
-                found.append((f"the shape of rigid body {name!r}", rows))
+                axes = [mesh.expression(name, form) for form in body.frame()]
+                found.append((f"the shape of rigid body {name!r}", body.shape(axes)))
         return found
 
     def _signals(self) -> list[Signal]:
@@ -191,7 +189,7 @@ class System:
             signals[:, n + 1] = w.at(tables[id(w.history)]).T
         loads = np.zeros((count, len(self.loads), dim))
         for n, load in enumerate(self.loads):
-            width = width_of(load) if dim == 2 else dim
+            width = width_of(load, dim)
             if callable(load.value):
                 loads[:, n, :width] = tabulate(load_text(load), load.value, t, width)
             else:

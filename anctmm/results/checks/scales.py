@@ -30,7 +30,7 @@ def reach_of(scene: Scene) -> float:
 
 def weight_of(scene: Scene) -> float:
     """Weight of all bodies, N."""
-    return mass_of(scene) * float(np.hypot(*scene.gravity))
+    return mass_of(scene) * float(np.linalg.norm(scene.gravity))
 
 
 def load_sizes(scene: Scene, run: Discretisation) -> Iterator[tuple[Load, float]]:
@@ -38,7 +38,7 @@ def load_sizes(scene: Scene, run: Discretisation) -> Iterator[tuple[Load, float]
     for load in scene.loads:
         values: Any = load.value
         if callable(load.value):
-            values = tabulate(load_text(load), load.value, _times(run), width_of(load))
+            values = tabulate(load_text(load), load.value, _times(run), width_of(load, scene.dim))
         length = scene.beam(load.body).length if isinstance(load, LineLoad) else 1.0
         yield load, length * float(np.abs(values).max())
 
