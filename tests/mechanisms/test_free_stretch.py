@@ -128,7 +128,7 @@ def test_order_of_a_hanging_bar():
 def test_what_cannot_be_is_refused():
     with pytest.raises(at.errors.UnknownOptionError, match=r"clamp .* stretch is 'loose'; .*free.*held"):
         at.Clamp("a.start", stretch="loose")
-    with pytest.raises(at.errors.UnknownOptionError, match=r"weld .* stretch is 1"):
+    with pytest.raises(at.errors.UnknownOptionError, match=r"weld of .* stretch is 1"):
         at.Weld("a.end", "b.start", stretch=1)
     bodies = [beam("a", (0, 0), (0.5, 0)), beam("b", (0.5, 0), (0.9, 0))]
     with pytest.raises(at.errors.RepeatedJointError, match=r"Clamp.*'a.start'.* already"):
