@@ -74,7 +74,8 @@ class Joint(JointKind):
     @property
     def label(self) -> str:
         """Its kind and places, as messages name it."""
-        return f"{type(self).__name__.lower()} {shown(self.ends[0] if len(self.ends) == 1 else self.ends)}"
+        kind = type(self).__name__.lower()
+        return f"{kind} {shown(self.ends[0])}" if len(self.ends) == 1 else f"{kind} of {shown(self.ends)}"
 
     @property
     def places(self) -> tuple[Written, ...]:

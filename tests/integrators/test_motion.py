@@ -91,7 +91,7 @@ def test_nothing_moves_where_everything_is_held(kind, integrator):
 @every_kind
 def test_clamped_gradients_take_no_velocity(kind, integrator):
     """A velocity that grows from the clamp would turn it: the clamp decides about its node's gradients."""
-    with pytest.warns(StartWarning, match=r"clamp 'bar\.start' turns at 0 rad/s.*'bar' there at 1 rad/s"):
+    with pytest.warns(StartWarning, match=r"Clamp.*axis 1 of 'bar\.start' changes at"):
         scene = bar([Clamp("bar.start")], velocity=lambda s: (-0.8 * s, 0.6 * s))
     motion = move(scene, integrator, kind)
     q = motion.fields["bar"].coordinates

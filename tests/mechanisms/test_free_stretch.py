@@ -131,9 +131,6 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(at.errors.UnknownOptionError, match=r"weld of .* stretch is 1"):
         at.Weld("a.end", "b.start", stretch=1)
     bodies = [beam("a", (0, 0), (0.5, 0)), beam("b", (0.5, 0), (0.9, 0))]
-    with pytest.raises(
-        at.errors.RepeatedJointError, match=r"two clamps both hold the direction of 'a.start'"
-    ):
+    with pytest.raises(at.errors.RepeatedJointError, match=r"Clamp.*'a.start'.* already"):
         at.Scene("twice", bodies[:1], [at.Clamp("a.start", stretch="free"), at.Clamp("a.start")])
-    assert repr(at.Clamp("a.start")) == "Clamp(end='a.start', angle=None)"
     assert "stretch='free'" in repr(at.Weld("a.end", "b.start", stretch="free"))
