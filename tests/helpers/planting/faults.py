@@ -53,7 +53,7 @@ FAULTS = (
     Fault("tensions", FORCES + "actions", "_answer", replace("connector.preload", "0.0")),
     Fault("tensions", FORCES + "actions", "_answer", replace("float(rate) - faster", "float(rate)")),
     Fault("section forces", FORCES + "section_forces", "section_force", flip(1)),
-    Fault("section forces", FORCES + "section_forces", "HeldElement.beyond", flip(1)),
+    Fault("section forces", FORCES + "section_forces", "HeldBeam.beyond", flip(1)),
     Fault("reactions", FORCES + "actions", "_of_connector", replace("-pull", "pull")),
     Fault("reactions", FORCES + "actions", "_of_connector", replace("-tension", "tension")),
     Fault("reactions", FORCES + "reactions", "inertia_of", replace("12.0", "3.0")),
