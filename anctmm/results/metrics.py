@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.errors import SolverError, reason, shown
 from anctmm.model.bodies import distance
-from anctmm.model.scene import Beam, PointMass, Probe, Scene
+from anctmm.model.scene import Beam, Probe, Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 
@@ -171,15 +171,8 @@ def error_between(solution: Solution, finer: Solution) -> float:
 
 def places_of(scene: Scene) -> list[Probe]:
     """Ends of all beams, and all points of other bodies."""
-    found = list[Probe]()
-    for body in scene.bodies:
-        if isinstance(body, Beam):
-            found += [(body.name, 0.0), (body.name, 1.0)]
-        elif isinstance(body, PointMass):
-            found.append(f"{body.name}.center")
-        else:
-            found += [f"{body.name}.{key}" for key in ("center", *body.points)]
-    return found
+    keys = ((body.name, ("start", "end") if isinstance(body, Beam) else body.keys) for body in scene.bodies)
+    return [f"{name}.{key}" for name, ends in keys for key in ends]
 
 
 def _check_place(solution: Solution, reference: Solution, probe: Probe) -> None:

@@ -20,12 +20,10 @@ def unstable(
     advice: str = "",
     flutter: bool = False,
 ) -> Status:
-    """Status of an unstable equilibrium.
+    """Status of an unstable equilibrium at a load factor.
 
     Parameters
     ----------
-    factor : float
-        Load factor of the equilibrium.
     negative : int
         Negative eigenvalues of the tangent stiffness.
     body, element

@@ -1,9 +1,9 @@
-"""Loads that no equilibrium can balance: along a motion that needs no force, however far it goes.
+"""Loads that no equilibrium can balance: along a translation that needs no force, however far it goes.
 
 Bodies that joints and connectors connect to each other, but not to the ground, can be translated as one: no joint
 parts and no energy changes. If guides alone connect them to the ground, the same holds along the line of these. Dead
 forces do the work F · d of a translation d, wherever the bodies are: where the sum F has a part along it, there is no
-equilibrium. So it is with moments and a rotation about the one place that holds bodies on which no other loads act.
+equilibrium.
 """
 
 from collections.abc import Iterator
@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import listed, shown
-from anctmm.model.bodies import Beam
+from anctmm.errors import listed
 from anctmm.model.connectors import RotationalSpring, ends_of
-from anctmm.model.joints import Guide, Joint
-from anctmm.model.loads import Force, LineLoad, Torque, tabulated
+from anctmm.model.joints import Guide
+from anctmm.model.loads import Force, LineLoad, tabulated
 from anctmm.model.places import Place
 from anctmm.model.scene import Scene
 from anctmm.model.topology import GROUND, Sets, joined_bodies
@@ -30,47 +29,26 @@ NONE, PARALLEL = 1e-9, 1e-12
 
 @dataclass
 class _Group:
-    """Bodies that are connected to each other, what connects them to the ground, and dead loads on them.
+    """Bodies that are connected to each other, the lines of the ground on which they move, and dead forces on them.
 
-    Forces have the place where they act, or None along beams.
+    They are held if something else connects them to the ground, or a force acts that turns with its place.
     """
 
     bodies: list[str]
     lines: list[tuple[float, float]] = field(default_factory=list)
-    pivots: list[Place] = field(default_factory=list)
-    #: Whether something else holds them, or acts on them with a force that turns with its place; and their rotation.
     held: bool = False
-    turns_held: bool = False
-    forces: list[tuple[Place | None, Array]] = field(default_factory=list)
-    moments: list[float] = field(default_factory=list)
+    forces: list[Array] = field(default_factory=lambda: [np.zeros(2)])
 
     def motion(self) -> str | None:
-        """How they move for ever, in words; None if they do not."""
-        return None if self.held else self._slides() or self._turns()
-
-    def _slides(self) -> str | None:
+        """Along what they move for ever, in words; None if they do not."""
         parallel = all(abs(x * v - y * u) <= PARALLEL for x, y in self.lines[:1] for u, v in self.lines)
-        if self.pivots or not parallel or not self.forces:
-            return None
         directions = np.array(self.lines[:1]) if self.lines else np.eye(2)
-        along = directions @ np.sum([force for _, force in self.forces], axis=0)
+        along = directions @ np.sum(self.forces, axis=0)
         size = float(np.linalg.norm(along))
-        if size <= NONE * sum(float(np.hypot(*force)) for _, force in self.forces):
+        if self.held or not parallel or size <= NONE * float(np.linalg.norm(self.forces, axis=1).sum()):
             return None
         x, y = along @ directions / size
         return f"move along ({x:.4g}, {y:.4g}) without end, and a force of {size:.4g} N acts"
-
-    def _turns(self) -> str | None:
-        spots = {place.position for place in self.pivots}
-        pivots = {place.canonical for place in self.pivots}
-        elsewhere = any(place is None or place.canonical not in pivots for place, _ in self.forces)
-        if self.lines or self.turns_held or len(spots) > 1 or elsewhere:
-            return None
-        moment = sum(self.moments)
-        if not abs(moment) > NONE * sum(map(abs, self.moments)):
-            return None
-        about = f" about {shown(next(iter(spots)))}" if spots else ""
-        return f"turn{about} without end, and a moment of {moment:.4g} N m acts"
 
 
 def never_balanced(scene: Scene) -> Status | None:
@@ -94,49 +72,24 @@ def _groups(scene: Scene) -> Iterator[_Group]:
     for one, two in joined_bodies(scene, acting):
         if two is not GROUND:
             sets.unite(one, two)
-    of = dict[str, _Group]()
-    for names in sets.among(body.name for body in scene.bodies):
-        of |= dict.fromkeys(names, _Group(names))
+    groups = [_Group(names) for names in sets.among(body.name for body in scene.bodies)]
+    of = {name: group for group in groups for name in group.bodies}
     for joint in scene.joints:
-        _hold(scene, of[scene.place(joint.places[0]).body.name], joint)
-    for connector in acting:
-        first, second = ends_of(scene, connector)
-        if not isinstance(second, Place):
-            group, turning = of[first.body.name], isinstance(connector, RotationalSpring)
-            group.turns_held |= turning
-            group.held |= not turning
-    _load(scene, of)
-    yield from {id(group): group for group in of.values()}.values()
-
-
-def _hold(scene: Scene, group: _Group, joint: Joint) -> None:
-    """Write down how a joint connects a group to the ground."""
-    if isinstance(joint, Guide):
-        if joint.body is None:
+        group = of[scene.place(joint.places[0]).body.name]
+        if isinstance(joint, Guide) and joint.body is None:
             group.lines.append(joint.direction)
             group.held |= joint.position is not None
-    elif joint.grounded:
-        if joint.holds_direction or joint in scene.own_joints:
-            group.held = True
-        else:
-            group.pivots += [scene.place(end) for end in joint.ends]
-
-
-def _load(scene: Scene, of: dict[str, _Group]) -> None:
-    """Write down what acts on each group at t = 0."""
-    gravity = np.array(scene.gravity)
-    for body in scene.bodies if gravity.any() else ():
-        place = None if isinstance(body, Beam) else scene.place(f"{body.name}.center")
-        of[body.name].forces.append((place, body.mass * gravity))
+        group.held |= joint.grounded
+    for connector in acting:
+        first, second = ends_of(scene, connector)
+        if not isinstance(second, Place) and not isinstance(connector, RotationalSpring):
+            of[first.body.name].held = True
+    for body in scene.bodies:
+        of[body.name].forces.append(body.mass * np.array(scene.gravity))
     for load, value in zip(scene.loads, tabulated(scene.loads, np.zeros(1))[0], strict=True):
         if isinstance(load, LineLoad):
-            if value.any():
-                of[load.body].forces.append((None, scene.beam(load.body).length * value))
-            continue
-        place = scene.place(load.end)
-        group = of[place.body.name]
-        if isinstance(load, Torque):
-            group.moments.append(float(value[0]))
+            of[load.body].forces.append(scene.beam(load.body).length * value)
         elif isinstance(load, Force):
-            group.held |= load.follower
-            group.forces += [(place, value)] if value.any() else []
+            of[scene.place(load.end).body.name].forces.append(value)
+            of[scene.place(load.end).body.name].held |= load.follower
+    return iter(groups)

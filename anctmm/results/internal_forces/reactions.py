@@ -9,6 +9,7 @@ angew. Math. 4, 1829, 232-235), by which errors along what joints leave free are
 repeat each other are not determined; of all that balance, the least are found.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -84,66 +85,60 @@ class _Equations:
 
     def __init__(self, solution: Any) -> None:
         self.solution, self.count = solution, 0
-        self.beams: dict[str, HeldBeam] = {}
-        self.number: dict[Any, int] = {}
-        self.sums, self.masses = list[Array](), list[float]()
+        self.beams = dict[str, HeldBeam]()
+        #: First equation of each node of a beam, and rigid body; the known sum and the mass of each equation.
+        self.first, self.sums, self.masses = dict[Any, int](), list[Array](), list[float]()
         self.at, self.factors = list[tuple[int, int]](), list[Array]()
 
     def add(self, joint: JointAtOutputs, row: Row) -> None:
         """One more equation of a joint, with multipliers of its own."""
         for vector, slope in row.slopes.items():
             place = joint.places[vector // SLOTS]
-            if not isinstance(place, Place):
-                continue
-            if place.body.name in joint.rigid:
-                self._add_rigid(joint, vector, slope, place)
-            else:
-                self._add_beam(vector % SLOTS, slope, place)
+            if isinstance(place, Place):
+                rigid = place.body.name in joint.rigid
+                parts = (
+                    self._of_rigid(joint, vector, place) if rigid else self._of_beam(vector % SLOTS, place)
+                )
+                for equation, part in parts:
+                    self._put(equation, (slope * part[:, None]).sum(axis=2))
         self.count += row.value.shape[1]
 
     def _put(self, equation: int, factors: Array) -> None:
         """Factors of the multipliers at hand, (n, rows), in an equation."""
-        for k in range(factors.shape[1]):
+        for k, factor in enumerate(factors.T):
             self.at.append((equation, self.count + k))
-            self.factors.append(factors[:, k])
+            self.factors.append(factor)
 
-    def _add_rigid(self, joint: JointAtOutputs, vector: int, slope: Array, place: Place) -> None:
-        """In the sums of forces and moments on a rigid body."""
-        name = place.body.name
-        if name not in self.number:
-            self.number[name] = len(self.sums)
-            force, moment = _held(self.solution, name)
+    def _of_rigid(self, joint: JointAtOutputs, vector: int, place: Place) -> Iterator[tuple[int, Array]]:
+        """Part that a force on a vector of a place has in the sums of forces and moments on a rigid body, (n, 2)."""
+        body = place.body
+        if body.name not in self.first:
+            self.first[body.name] = len(self.sums)
+            force, moment = _held(self.solution, body)
             self.sums += [force[:, 0], force[:, 1], moment]
-            self.masses += [place.body.mass, place.body.mass, inertia_of(place.body) or 1.0]
-        first = self.number[name]
-        arm = joint.vectors[vector]
+            self.masses += [body.mass, body.mass, inertia_of(body) or 1.0]
+        first, arm = self.first[body.name], joint.vectors[vector]
         if vector % SLOTS == 0:
-            arm = arm - _center(self.solution, place.body)
-            self._put(first, slope[:, :, 0])
-            self._put(first + 1, slope[:, :, 1])
-        turning = arm[:, None, 0] * slope[:, :, 1] - arm[:, None, 1] * slope[:, :, 0]
-        if inertia_of(place.body):  # a point mass bears no moment
-            self._put(first + 2, turning)
+            yield from enumerate(np.eye(2)[:, None], start=first)
+            arm = arm - _center(self.solution, body)
+        if inertia_of(body):  # a point mass bears no moment
+            yield first + 2, np.stack([-arm[:, 1], arm[:, 0]], axis=1)
 
-    def _add_beam(self, slot: int, slope: Array, place: Place) -> None:
-        """In those of the vectors of nodes that a vector of a place of a beam is made of."""
+    def _of_beam(self, slot: int, place: Place) -> Iterator[tuple[int, Array]]:
+        """The same in the sums of forces on the vectors of the nodes next to a place of a beam."""
         name = place.body.name
         if name not in self.beams:
             self.beams[name] = HeldBeam(self.solution, name)
-        beam = self.beams[name]
-        vectors = beam.q.shape[2]
-        for node, weights in _nodes(beam, slot, float(place.key)):
-            if (name, node) not in self.number:
-                self._begin(beam, node)
-            first = self.number[name, node]
-            for k in range(vectors):
-                if weights[k]:
-                    for c in (0, 1):
-                        self._put(first + 2 * k + c, weights[k] * slope[:, :, c])
+        for node, weights in _nodes(self.beams[name], slot, float(place.key)):
+            if (name, node) not in self.first:
+                self._begin(self.beams[name], node)
+            for k, weight in enumerate(weights):
+                if weight:
+                    yield from enumerate(weight * np.eye(2)[:, None], start=self.first[name, node] + 2 * k)
 
     def _begin(self, beam: HeldBeam, node: int) -> None:
         """Write down the sums of the generalized forces on a node."""
-        self.number[beam.name, node] = len(self.sums)
+        self.first[beam.name, node] = len(self.sums)
         held, half = beam.at_node(node), beam.q.shape[2]
         mass = np.diag(beam.element.mass)
         mass = (mass[half:] if node > 0 else 0.0) + (mass[:half] if node < beam.count else 0.0)
@@ -153,13 +148,12 @@ class _Equations:
 
     def multipliers(self) -> Array:
         """All multipliers, (n, count)."""
-        outputs = len(self.solution.t)
-        found = np.zeros((outputs, self.count))
+        found = np.zeros((len(self.solution.t), self.count))
         if not self.factors:
             return found
         rows, columns = np.array(self.at).T
         factors, right, light = np.array(self.factors), np.array(self.sums), 1.0 / np.array(self.masses)
-        for n in range(outputs):
+        for n in range(len(found)):
             A = scipy.sparse.csc_array((factors[:, n], (rows, columns)), shape=(len(right), self.count))
             found[n] = _least_squares(A, right[:, n], light)
         return found
@@ -199,7 +193,7 @@ def _center(solution: Any, body: Body) -> Array:
     return np.asarray(solution.fields[body.name].position(0.5 if isinstance(body, Beam) else "center"))
 
 
-def _held(solution: Any, name: str) -> tuple[Array, Array]:
+def _held(solution: Any, body: Body) -> tuple[Array, Array]:
     """Force (n, 2) and moment about its centre (n,) on a rigid body of all that is no load, weight or connector.
 
     Raises
@@ -207,7 +201,8 @@ def _held(solution: Any, name: str) -> tuple[Array, Array]:
     ResultError
         If the solution has no accelerations.
     """
-    body, field = solution.scene.body(name), solution.fields[name]
+    name = body.name
+    field = solution.fields[name]
     if not isinstance(field, NodalField) or (field.accelerations is None and not solution.static):
         raise ResultError(
             f"reactions at {name!r} need accelerations, which solver {solution.solver!r} does not keep"

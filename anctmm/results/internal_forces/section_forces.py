@@ -51,7 +51,7 @@ def section_force(solution: Any, body: str, fraction: float) -> Array:
     beam = HeldBeam(solution, body)
     number = beam.element_at(fraction)
     x = fraction * beam.count - number
-    force, moment = HeldElement(beam, number).beyond(x)
+    force, moment = beam.beyond(number, x)
     tangent = np.einsum("i,nic->nc", beam.element.axis(x, 1)[0], beam.of_element(beam.q, number))
     tangent = tangent / np.hypot(*tangent.T)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
@@ -146,43 +146,29 @@ class HeldBeam:
         before = self.holding(node - 1)[:, half:] if node > 0 else 0.0
         return np.asarray(before + (self.holding(node)[:, :half] if node < self.count else 0.0))
 
+    def beyond(self, number: int, x: float) -> tuple[Array, Array]:
+        """Force (n, 2) and moment (n,) of what lies beyond ξ = x of an element on what lies before."""
+        q, a = self.of_element(self.q, number), self.of_element(self.a, number)
+        half, element, section = self.q.shape[2], self.element, self.body.section
 
-class HeldElement:
-    """The part of one element beyond a section.
+        def axis(series: Array, y: float) -> Array:
+            return np.einsum("i,nic->nc", element.axis(y)[0], series)
 
-    Parameters
-    ----------
-    beam : HeldBeam
-    number : int
-    """
-
-    def __init__(self, beam: HeldBeam, number: int) -> None:
-        self.beam, self.element = beam, beam.element
-        self.q, self.a = (beam.of_element(x, number) for x in (beam.q, beam.a))
-        self.actions, self.holding = beam.actions.get(number, []), beam.holding(number)
-
-    def _along(self, series: Array, x: float) -> Array:
-        return np.einsum("i,nic->nc", self.element.axis(x)[0], series)
-
-    def beyond(self, x: float) -> tuple[Array, Array]:
-        """Force (n, 2) and moment (n,) of what lies beyond ξ = x on what lies before."""
-        here, half = self._along(self.q, x), self.q.shape[1] // 2
-        q, R = self.q[:, half:], self.holding[:, half:]
+        here, end, R = axis(q, x), q[:, half:], self.holding(number)[:, half:]
         total = R[:, 0].copy()
-        turning = cross(q[:, 0] - here, R[:, 0]) + sum(cross(q[:, k], R[:, k]) for k in range(1, half))
-        for y, action in self.actions:
+        turning = cross(end[:, 0] - here, R[:, 0]) + sum(cross(end[:, k], R[:, k]) for k in range(1, half))
+        for y, action in self.actions.get(number, []):
             if y >= x - 1e-12 and y > 0.0:
                 total += action.force
-                turning = turning + action.moment + cross(self._along(self.q, y) - here, action.force)
-        density, section = self.beam.body.material.density, self.beam.body.section
-        # (r(s) − r) × r̈ is of twice the degree of the axis
-        for y, w in zip(*gauss(self.element.degree + 1), strict=True):
-            s, ds = x + (1.0 - x) * y, (1.0 - x) * w * self.element.l
-            pull = self.beam.load - density * section.area * self._along(self.a, s)
+                turning = turning + action.moment + cross(axis(q, y) - here, action.force)
+        density = self.body.material.density
+        for y, w in zip(*gauss(element.degree + 1), strict=True):  # r × r̈ is of twice the degree of the axis
+            s, ds = x + (1.0 - x) * y, (1.0 - x) * w * element.l
+            pull = self.load - density * section.area * axis(a, s)
             total += ds * pull
-            turning = turning + ds * cross(self._along(self.q, s) - here, pull)
-            if isinstance(self.element, ShearElement):
-                d, dd = ((1.0 - s) * z[:, 2] + s * z[:, 5] for z in (self.q, self.a))
+            turning = turning + ds * cross(axis(q, s) - here, pull)
+            if isinstance(element, ShearElement):
+                d, dd = ((1.0 - s) * z[:, 2] + s * z[:, 5] for z in (q, a))
                 turning = turning - ds * density * section.second_moment * cross(d, dd)
         return total, turning
 

@@ -52,8 +52,6 @@ FALLING = {
         scene([body()], connectors=[at.Spring("body.center", (1.0, 1.0), **DAMPED)], gravity=WEIGHT),
         "(0, -1)", "19.62 N",
     ),
-    "about a pin": (scene([body(p=(0.0, 0.0))], [at.Pin("body.p")], [TURN], gravity=WEIGHT), "(0.0, 0.0)", "0.5 N m"),
-    "about nothing": (scene([body()], loads=[TURN]), "turn without end", "0.5 N m"),
 }  # fmt: skip
 
 RESTING = {
