@@ -6,6 +6,7 @@ from pathlib import Path
 
 from anctmm.errors import CaseError, listed
 from anctmm.model.case import Case
+from anctmm.model.places import Written
 from anctmm.solvers.foreign_code import told
 from studies import scenes
 from studies.user_files import defined_in
@@ -88,6 +89,11 @@ def is_file(given: str) -> bool:
 def assumptions_of(case: Case) -> tuple[str, ...]:
     """The note of a case, shown beside its results."""
     return (f"{case.name}: {case.note}",) if case.note else ()
+
+
+def place_name(place: Written) -> str:
+    """A place of a scene in words: "arm.end", "arm at 0.25"."""
+    return place if isinstance(place, str) else f"{place[0]} at {place[1]:.6g}"
 
 
 def _named(cases: Sequence[Case], name: str, what: str, others: str = "") -> Case:

@@ -1,14 +1,13 @@
 """The command line. Modules that are slow to import are imported by the command that needs them."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from studies.command_line import options as read
 from studies.command_line.ending import CODES, BadOption, Code, Command, Commands
-from studies.command_line.options import duration, path, positive, read_options, texts, whole
 from studies.command_line.progress import bar, sweeping
 
 if TYPE_CHECKING:
@@ -17,60 +16,56 @@ if TYPE_CHECKING:
     from studies.regression.check import Finding
     from studies.regression.scenes import Watch
 
-__all__ = ["app", "main", "read_options", "sweeping"]
-
 app = typer.Typer(
     cls=Commands, epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )  # fmt: skip
 
 
-def _text(help: str, metavar: str, *names: str) -> Any:
-    """An option that is read as text and checked by the command."""
-    return typer.Option(*names, help=help, metavar=metavar)
-
-
-def _path(help: str) -> Any:
-    """An option that is a path."""
-    return typer.Option(help=help, parser=path, metavar="PATH")
+def _option(help: str, metavar: str, parser: Any, *names: str) -> Any:
+    return Annotated[Any, typer.Option(*names, help=help, metavar=metavar, parser=parser)]
 
 
 Text = str | None
-Elements = Annotated[Text, _text("Meshes: elements of each body, or of all: 2/8/2,4/16/4 or 8,16.", "LIST")]
-Mesh = Annotated[Text, _text("Elements of each beam, or of all: 2/8/2 or 8.", "MESH", "--elements")]
-Steps = Annotated[Text, _text("Time steps, s: 1e-5,5e-6.", "LIST", "--dt")]
-Step = Annotated[Text, _text("Time step, s: 1e-3.", "NUMBER", "--dt")]
-Solvers = Annotated[Text, _text("Solvers by name (see `anctmm list`): a,b.", "LIST")]
 Given = Annotated[
     str, typer.Argument(help="A built-in scene (see `anctmm list`), or a file that defines CASES.")
 ]
 Some = Annotated[Text, typer.Argument(help="A built-in scene, or a file that defines CASES.")]
-Chosen = Annotated[Text, _text("Scene of the file, by name.", "NAME", "--case")]
-Target = Annotated[Text, _text("Target error, relative: 1e-3.", "NUMBER", "--error")]
-Budget = Annotated[Text, _text("CPU time that may be spent: 0.5s, 20ms.", "TIME")]
-Element = Annotated[Text, typer.Option(help="Element: cable, quintic, shear, rigid.")]
-Integrator = Annotated[Text, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
+Chosen = Annotated[Text, typer.Option("--case", help="Scene of the file, by name.", metavar="NAME")]
+Elements = _option("Elements of each beam, or of all.", "LIST", read.listed(read.mesh, read.MESHES))
+Mesh = _option("Elements of each beam, or of all.", "MESH", read.parser(read.mesh, read.MESHES), "--elements")
+Steps = _option("Time steps, s: 1e-5,5e-6.", "LIST", read.listed(read.positive, read.NUMBERS), "--dt")
+Step = _option("Time step, s: 1e-3.", "NUMBER", read.parser(read.positive, read.NUMBERS), "--dt")
+Solvers = _option("Solvers by name (see `anctmm list`): a,b.", "LIST", read.named(read.solvers, True))
+Element = _option("Element: cable, quintic, shear, rigid.", "NAME", read.named(read.element_names))
+Integrator = _option(
+    "Integrator: generalized-alpha, zhai, esdirk.", "NAME", read.named(read.integrator_names)
+)
+Target = _option(
+    "Target error, relative: 1e-3.", "NUMBER", read.parser(read.positive, read.NUMBERS), "--error"
+)
+Budget = _option(
+    "CPU time of the steps: 0.5s, 20ms.", "TIME", read.parser(read.duration, "positive times such as 20ms, 0.5s")
+)  # fmt: skip
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 Workers = Annotated[
-    Text, _text("Processes that compute errors side by side; times are measured in turn.", "NUMBER")
+    int | None, typer.Option(min=1, max=9999, help="Processes that compute errors; times are in turn.")
 ]
 Cluster = Annotated[
-    Text, _text("Scheduler of a dask cluster that computes errors: tcp://host:8786.", "ADDRESS")
+    Text, typer.Option(help="Scheduler of a dask cluster that computes errors: tcp://host:8786.")
 ]
-RunOut = Annotated[Path | None, _path("Where files are written; default: results/CASE.")]
-StudyOut = Annotated[Path, _path("Where tables and pictures are written, in CASE/STUDY.")]
-PageOut = Annotated[
-    Path | None, _path("Where page and tables are written; default: reports, or results/NAME for a file.")
-]
-Trade = Annotated[
-    Path | None, _path("Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.")
-]
+RunOut = _option("Where files are written; default: results/CASE.", "PATH", read.path)
+StudyOut = _option("Where tables and pictures are written, in CASE/STUDY.", "PATH", read.path)
+PageOut = _option("Of page and tables; default: reports, or results/NAME for a file.", "PATH", read.path)
+Trade = _option(
+    "Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.", "PATH", read.path
+)
 Rerun = Annotated[bool, typer.Option(help="Run the recommendation and check its error.")]
-Only = Annotated[Text, _text("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST")]
+Names = read.listed(read.word, "names")
+Only = _option("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST", Names)
+Checked = _option("Solvers by name: a,b.", "LIST", Names)
 Update = Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")]
-Scenes = Annotated[Path | None, _path("Your Python file that defines WATCHED.")]
-Baselines = Annotated[
-    Path | None, _path("Stored histories: those of anctmm, or baselines/ beside your scenes.")
-]
+Scenes = _option("Your Python file that defines WATCHED.", "PATH", read.path)
+Baselines = _option("Stored histories: anctmm's, or baselines/ beside your scenes.", "PATH", read.path)
 RESULTS = Path("results")
 
 
@@ -98,20 +93,19 @@ def whole_command(
 
 @app.command("list", cls=Command)
 def list_(
-    file: Annotated[str | None, typer.Argument(help="Your file: list its cases only.")] = None,
+    file: Annotated[Text, typer.Argument(help="Your file: list its cases only.")] = None,
 ) -> None:
     """Scenes, solvers and studies; or the cases of a file."""
     from rich.console import Console
 
     from studies.cases import built_in, cases_in
     from studies.command_line.listing import scenes, solvers, studies
-    from studies.engine.console import show_table
+    from studies.engine.tables import show_table
 
     shown = [scenes(cases_in(file))] if file is not None else [scenes(built_in()), solvers(), studies()]
     console = Console()
     for table in shown:
         show_table(console, table)
-        console.print()
 
 
 @app.command(cls=Command)
@@ -127,30 +121,21 @@ def run(
     out: RunOut = None,
 ) -> None:
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
-    from studies.cases import find_case
-
-    wanted = find_case(scene, case)  # before the slower imports
-
     from rich.console import Console
 
-    from studies.command_line.options import one, read_options, setup_of
+    from studies.cases import find_case
     from studies.engine.files import check_writable, file_name
-    from studies.engine.study import without_beams, without_motion
+    from studies.engine.refinement import Setup
+    from studies.engine.study import Options, check_fits
     from studies.single_run import run_case, show, write_run
 
-    target, options = positive("--error", error), read_options(elements, dt, solvers, quick=True)
-    names = options.solvers or ("anctmm",)
-    setup = setup_of(names[0], element, integrator)
-    given = replace(options, element=element, integrator=integrator)
-    without_beams([wanted], given)  # refuses what has no effect
-    without_motion([wanted], given)
-    folder = out or Path("results") / file_name(wanted.name)
+    wanted, names = find_case(scene, case), solvers or (Setup.solver,)
+    setup = Setup(names[0], element or Setup.element, integrator or Setup.integrator)
+    check_fits(Options(element=element, integrator=integrator), wanted)
+    folder = out or RESULTS / file_name(wanted.name)
     check_writable(folder)
     with sweeping(quick=True) as runner:
-        done = run_case(
-            wanted, runner, error=target, mesh=one("--elements", options.meshes), dt=one("--dt", options.steps),
-            setup=setup, others=names[1:],
-        )  # fmt: skip
+        done = run_case(wanted, runner, error=error, mesh=elements, dt=dt, setup=setup, others=names[1:])
     show(done, Console())
     written = write_run(done, folder)
     print(f"\nWritten to {folder}/" if written else "\nNothing was written: the run has no output.")
@@ -180,25 +165,17 @@ def study(
     from rich.console import Console
 
     from studies.cases import chosen
-    from studies.command_line.options import setup_of
     from studies.engine.files import check_writable
-    from studies.engine.study import check_taken, known
-
-    known(name)  # before the slower imports
-
+    from studies.engine.study import Options, check_taken, find
     from studies.report.terminal import glance
     from studies.report.whole import run_study, write_study
 
-    setup_of("anctmm", element, integrator)  # refuses what is not known
-    options = replace(
-        read_options(elements, dt, solvers, quick),
-        cases=chosen(scene, case), element=element, integrator=integrator, error=positive("--error", error),
-    )  # fmt: skip
+    find(name)
+    options = Options(quick, elements, dt, solvers, chosen(scene, case), element, integrator, error)
     check_taken(options, name)
     check_writable(out)
-    console = Console()
-    good = False
-    with sweeping(quick, whole("--workers", workers), cluster) as runner:
+    console, good = Console(), False
+    with sweeping(quick, workers, cluster) as runner:
         for done in run_study(name, options, runner):
             folder = write_study(done, out)
             glance(done.result, console)
@@ -224,10 +201,10 @@ def report(
     from studies.report.whole import run_all, write_report
 
     cases = chosen(file, case)
-    folder = out or (Path("results") / file_name(Path(file).stem) if file else Path("reports"))
+    folder = out or (RESULTS / file_name(Path(file).stem) if file else Path("reports"))
     check_writable(folder)
-    with sweeping(quick, whole("--workers", workers), cluster) as runner:
-        done = []
+    done = []
+    with sweeping(quick, workers, cluster) as runner:
         for one in run_all(cases, quick, runner):
             done.append(one)
             write_report(done, folder, quick, (file, case))  # an hour later something may fail; this is whole
@@ -258,35 +235,30 @@ def recommend(
     from rich.console import Console
 
     from studies.cases import find_case, is_file
-    from studies.command_line.options import setup_of
-    from studies.engine.study import without_beams
+    from studies.engine.study import Options, check_fits
     from studies.trade import recommend as advice
-    from studies.trade.printed import show, show_rerun, show_script
 
-    target, limit = positive("--error", error), duration("--budget", budget)
-    if target is None and limit is None:
+    if error is None and budget is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
-    narrow = replace(read_options(elements, dt, solvers, quick), element=element, integrator=integrator)
-    setup_of("anctmm", None, integrator)  # refuses what is not known
     own = find_case(scene, case)
-    without_beams([own], narrow)
+    options = Options(quick, elements, dt, solvers, (own,), element, integrator, error)
+    check_fits(options, own)
     given = str(Path(scene).resolve()) if is_file(scene) else own.name
     measured = advice.read(table) if table is not None else advice.find(own)
     if measured is None:
-        options = replace(narrow, cases=(own,), error=target)
-        with sweeping(quick, whole("--workers", workers), cluster) as runner:
+        with sweeping(quick, workers, cluster) as runner:
             measured = advice.measured_now(own, options, runner)
     advice.check_case(measured, own)
-    choice = advice.choose(advice.narrowed(measured.points, own.name, narrow), target, limit)
+    choice = advice.choose(advice.narrowed(measured.points, own.name, options), error, budget)
     console = Console()
-    show(choice, measured.origin, advice.models_apart(measured, own.name, target), console)
-    show_script(advice.script(choice.line, own, given), console)
+    advice.show(choice, measured.origin, advice.models_apart(measured, own.name, error), console)
+    print(f"\n{advice.script(choice.line, own, given)}")
+    good = choice.reached
     if rerun:
-        again = advice.rerun(choice.line, own, given, measured, target, choice.reached)
-        show_rerun(again, choice, target, console)
-        if not again.met:
-            raise typer.Exit(Code.DIFFERS)
-    if not choice.reached:
+        again = advice.rerun(choice.line, own, given, measured, error, choice.reached)
+        advice.show_rerun(again, choice, error, console)
+        good = good and again.met
+    if not good:
         raise typer.Exit(Code.DIFFERS)
 
 
@@ -317,7 +289,7 @@ def check(
     elements: Mesh = None,
     dt: Step = None,
     only: Only = None,
-    solver: Annotated[Text, _text("Solvers by name: a,b.", "LIST")] = None,
+    solver: Checked = None,
     update: Update = False,
     scenes: Scenes = None,
     baselines: Baselines = None,
@@ -332,29 +304,24 @@ def check(
     from studies.regression.report import show, write_check
     from studies.regression.scenes import tasks_of
 
-    asked, solvers = texts("--only", only), texts("--solver", solver)
     every = tasks_of(_watches(file, case, elements, dt, scenes))
-    tasks = checking.select(every, asked, solvers)
+    tasks = checking.select(every, only or (), solver or ())
     own = scenes or (Path(file) if file else None)
     stored = baselines or (own.parent / "baselines" if own else checking.BASELINES)
     name = " ".join(own.name.split()) if own else ""  # it becomes a line of a header
     check_writable(out / "check")
-    work = (
-        checking.update(tasks, stored, name)
-        if update
-        else checking.check(
-            tasks,
-            stored,
-            whole=not asked and not solvers and not case,
-            workers=processors(),
-            file=name,
-        )
-    )
+    if update:
+        work = checking.update(tasks, stored, name)
+    else:
+        whole = not (only or solver or case)
+        work = checking.check(tasks, stored, whole=whole, workers=processors(), file=name)
     findings = checking.in_order(_shown_in_turn(work, len(tasks)), tasks)
     write_check(findings, out / "check")
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
-    raise typer.Exit(_verdict(findings))
+    if all(f.verdict == checking.NOT_RUN for f in findings):
+        raise typer.Exit(Code.NOT_RUN)
+    raise typer.Exit(Code.DONE if checking.passed(findings) else Code.DIFFERS)
 
 
 def _shown_in_turn(work: "Iterable[tuple[Finding, ...]]", total: int) -> "list[Finding]":
@@ -371,12 +338,11 @@ def _shown_in_turn(work: "Iterable[tuple[Finding, ...]]", total: int) -> "list[F
 
 
 def _watches(
-    file: str | None, case: str | None, elements: str | None, dt: str | None, scenes: Path | None
+    file: Text, case: Text, elements: Any, dt: float | None, scenes: Path | None
 ) -> "tuple[Watch, ...]":
     """Watched scenes: cases of a file, those that another declares, or the built-in ones."""
     from studies.cases import cases_in, find_cases
-    from studies.command_line.options import one
-    from studies.engine.study import without_beams
+    from studies.engine.study import Options, check_fits
     from studies.regression.of_cases import watches_of
     from studies.regression.scenes import declared_in
     from studies.regression.watches import all_watches
@@ -388,11 +354,10 @@ def _watches(
         return declared_in(scenes) if scenes else all_watches()
     if scenes is not None:
         raise BadOption(f"--scenes is {str(scenes)!r} beside file {file!r}; one of them is allowed")
-    options = read_options(elements, dt, None, quick=True)
     cases = cases_in(file) if case is None else find_cases(file, case)
-    for remark in without_beams(cases, options):
-        print(f"anctmm: {remark}", file=sys.stderr)
-    return watches_of(cases, one("--elements", options.meshes), one("--dt", options.steps))
+    for one in cases:
+        check_fits(Options(meshes=elements and (elements,), steps=dt and (dt,)), one)
+    return watches_of(cases, elements, dt)
 
 
 @app.command("compile", cls=Command)
@@ -417,12 +382,3 @@ def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `
             findings.append(finding)
     conforming.show(name, findings, Console())
     raise typer.Exit(conforming.exit_code(findings))
-
-
-def _verdict(findings: "list[Finding]") -> Code:
-    """The exit code of a check."""
-    from studies.regression import check as checking
-
-    if all(f.verdict == checking.NOT_RUN for f in findings):
-        return Code.NOT_RUN
-    return Code.DONE if checking.passed(findings) else Code.DIFFERS

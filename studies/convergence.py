@@ -12,39 +12,23 @@ from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.joints import Clamp, Weld
-from anctmm.solvers import registry
 from reference.exact import solve_static as exact_static
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
-from studies.engine.pictures import Picture
-from studies.engine.refinement import Refined, Refinement, Setup
+from studies.engine.refinement import Refined, Refinement, Setup, offer_of
 from studies.engine.richardson import Part
 from studies.engine.runner import Runner
-from studies.engine.study import (
-    Answer,
-    Options,
-    Result,
-    StudyError,
-    check_mesh,
-    check_taken,
-    of_case,
-    without_beams,
-    without_motion,
-)
+from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits, check_taken
 from studies.engine.tables import Table
 from studies.engine.trials import NO_BEAMS, Mesh, mesh_label
 from studies.engine.values import OUTPUTS_NOTE, Reading, Value, at_joints, at_probes, values_of
 from studies.report.configurations import configurations
-from studies.report.plots import DASHES, MARKERS, PALETTE, legend_below, log_ticks, picture
+from studies.report.plots import DASHES, MARKERS, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-5, True: 1e-3}
 #: Observed order of a mesh below which it is taken to be the first.
 FIRST_ORDER = 1.5
-LEVELS = ("scene", "solver", "element", "integrator", "elements", "dofs", "dt", "error", "order", "status")
-VALUES = (
-    "scene", "solver", "element", "integrator", "probe", "quantity", "value", "uncertainty", "unit", "digits",
-)  # fmt: skip
 NOTES = {
     "mesh": "error: difference to the finest mesh by the same step, plus the estimate of the finest mesh's own error "
     "(Richardson's, 1.5 times, or, where the order is not that of theory, twice the difference to the mesh before). "
@@ -57,6 +41,10 @@ NOTES = {
     "exact": "Equilibria of a clamped beam against the exact solution of the continuum that the element tends to: "
     "difference of the probes' displacements, relative, beside its estimate.",
 }
+TITLES = {
+    "mesh": "Error over the mesh", "step": "Error over the step", "values": "Values and their uncertainty",
+    "forces": "Joint forces", "exact": "Equilibria against exact solutions",
+}  # fmt: skip
 
 
 def run(options: Options, runner: Runner) -> Result:
@@ -69,36 +57,29 @@ def run(options: Options, runner: Runner) -> Result:
     """
     check_taken(options, "convergence")
     case = options.case
-    without_beams([case], options)
-    without_motion([case], options)
-    options = of_case(options, case)
+    check_fits(options, case)
     meshes, steps = given_levels(case, options)
     target = options.error or (inf if meshes and steps else TARGETS[options.quick])
     runner.heading = f"{case.name}: "
     found = [
         Refinement(case, setup, runner, meshes, steps).refined(target) for setup in setups(options, case)
     ]
-    tables = [
-        _table("values", "Values and their uncertainty", [r for f in found for r in value_rows(f)], VALUES),
-        _table(
-            "forces", "Joint forces", [r for f in found for r in value_rows(f, at_joints)],
-            [{"probe": "joint"}.get(c, c) for c in VALUES],
-        ),
-        _table("mesh", "Error over the mesh", [r for f in found for r in mesh_levels(f)], LEVELS),
-        _table("step", "Error over the step", [r for f in found for r in step_levels(f)], LEVELS),
-    ]  # fmt: skip
-    exact = list(filter(None, map(exact_row, found))) if case.static else []
-    if exact:
-        tables.append(_table("exact", "Equilibria against exact solutions", exact, list(exact[0])))
-    shown = next((f.solution for f in found if len(f.solution.t)), None)
-    drawn = [configurations(shown, f"configurations_{file_name(case.name)}")] if shown is not None else []
+    tables = {
+        "mesh": _table("mesh", found, mesh_levels),
+        "step": _table("step", found, step_levels),
+        "values": _table("values", found, lambda one: value_rows(one, at_probes)),
+        "forces": _table("forces", found, lambda one: value_rows(one, at_joints)),
+        "exact": _table("exact", found, exact_rows),
+    }
+    if tables["exact"].frame.empty:
+        del tables["exact"]
+    drawn = [configurations(f.solution) for f in found if len(f.solution.t)][:1]
     return Result(
         name="convergence", title="Convergence and joint forces",
         question="How does the error fall with mesh and step, and how far is each value from the exact one?",
-        findings=tuple(finding(f) for f in found), assumptions=assumptions_of(case), tables=tuple(tables),
-        pictures=(*drawn, *_picture(case.name, tables[2].frame, tables[3].frame)),
-        answers=tuple(answers(found[0])), shown=("mesh", "step", "values", "forces", *(["exact"] if exact else [])),
-        good=any(f.solution.status.ok for f in found),
+        findings=tuple(finding(f) for f in found), assumptions=assumptions_of(case), tables=tuple(tables.values()),
+        pictures=(*drawn, *_picture(case.name, tables["mesh"].frame, tables["step"].frame)),
+        answers=tuple(answers(found[0])), shown=tuple(tables), good=any(f.solution.status.ok for f in found),
     )  # fmt: skip
 
 
@@ -107,12 +88,9 @@ def setups(options: Options, case: Case) -> list[Setup]:
     several = not options.quick and bool(case.scene.beams)
     elements = (options.element,) if options.element else ("cable", "shear") if several else ("cable",)
     integrator = options.integrator or Setup.integrator
-    found: dict[tuple[str, str], Setup] = {}
-    for setup in (
-        Setup(name, e, integrator) for name in options.solvers or (Setup.solver,) for e in elements
-    ):
-        found.setdefault((setup.solver, setup.own_element), setup)
-    return list(found.values())
+    solvers = options.solvers or (Setup.solver,)
+    every = [Setup(solver, element, integrator) for solver in solvers for element in elements]
+    return list({(setup.solver, setup.own_element): setup for setup in reversed(every)}.values())[::-1]
 
 
 def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[float, ...]]:
@@ -121,12 +99,10 @@ def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[
     Raises
     ------
     StudyError
-        If they do not fit the case, one mesh is not finer than another, or there is nothing to compare.
+        If one mesh is not finer than another, or there is nothing to compare.
     StepError
         If a step does not divide the interval of output.
     """
-    for mesh in options.meshes or ():
-        check_mesh(case.scene, mesh)
     each = [mesh * len(case.scene.beams) if len(mesh) == 1 else mesh for mesh in options.meshes or ()]
     meshes, steps = tuple(sorted(each, key=sum)), tuple(sorted(options.steps or (), reverse=True))
     for coarse, fine in pairwise(meshes):
@@ -135,11 +111,6 @@ def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[
                 f"--elements has {mesh_label(coarse)} and {mesh_label(fine)}; the finer of two meshes needs more "
                 f"elements of each beam of {case.name!r}: an order is observed over meshes that are finer everywhere"
             )
-    if case.static and steps:
-        raise StudyError(
-            f"--dt is {steps[0]:g} s for {case.name!r}, a static equilibrium, which has no step; --case NAME "
-            "chooses a motion, --elements its meshes"
-        )
     if meshes and steps and options.error:
         raise StudyError(
             f"--error is {options.error:g} beside --elements and --dt; leave one of these out, to be chosen for it"
@@ -154,6 +125,24 @@ def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[
     return meshes, steps
 
 
+# --- tables --------------------------------------------------------------------------------------------------
+
+
+def _table(
+    name: str, found: Sequence[Refined], rows_of: Callable[[Refined], Iterator[dict[str, Any]]]
+) -> Table:
+    frame = pd.DataFrame([row for one in found for row in rows_of(one)])
+    return Table(name, TITLES[name], frame, (NOTES[name], *([OUTPUTS_NOTE] if name == "values" else [])))
+
+
+def _about(found: Refined) -> dict[str, str]:
+    trial = found.trial
+    element = found.levels.setup.own_element if trial.scene.beams else NO_BEAMS
+    return {
+        "scene": trial.scene.name, "solver": trial.solver, "element": element, "integrator": trial.integrator,
+    }  # fmt: skip
+
+
 def mesh_levels(found: Refined) -> Iterator[dict[str, Any]]:
     """A row for each mesh up to that of a run, by its step."""
     if found.levels.refines_mesh:
@@ -166,28 +155,46 @@ def step_levels(found: Refined) -> Iterator[dict[str, Any]]:
         yield from _levels(found, [(found.i, k) for k in range(found.j + 1)], found.levels.step_part)
 
 
-def value_rows(found: Refined, read: Reading = at_probes) -> Iterator[dict[str, Any]]:
+def _levels(
+    finest: Refined, runs: Sequence[tuple[int, int]], part_of: Callable[[int, int], Part]
+) -> Iterator[dict[str, Any]]:
+    """Rows of runs from coarse to fine: the difference to the finest, and the estimate of that one's error."""
+    levels, rest = finest.levels, part_of(*runs[-1]).error
+    for i, j in runs:
+        solution, trial = levels.solution(i, j), levels.trial(i, j)
+        error = rest if (i, j) == runs[-1] else rest + levels.difference(solution, finest.solution)
+        yield {
+            **_about(finest), "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
+            "error": error if isfinite(error) else nan, "order": part_of(i, j).order, "status": str(solution.status),
+        }  # fmt: skip
+
+
+def value_rows(found: Refined, read: Reading) -> Iterator[dict[str, Any]]:
     """A row for each value at the probes, or in the joints."""
-    for value in values_of(found, read):
-        place = {"probe" if read is at_probes else "joint": value.probe}
-        yield {**_about(found), **vars(value), **place, "digits": value.text}
+    place = "probe" if read is at_probes else "joint"
+    for v in values_of(found, read):
+        yield {
+            **_about(found), place: v.probe, "quantity": v.quantity, "value": v.value,
+            "uncertainty": v.uncertainty, "unit": v.unit, "digits": v.text,
+        }  # fmt: skip
 
 
-def exact_row(found: Refined) -> dict[str, Any] | None:
-    """Difference of an equilibrium to the exact solution of its continuum; None where none is known."""
+def exact_rows(found: Refined) -> Iterator[dict[str, Any]]:
+    """Difference of an equilibrium to the exact solution of its continuum, where one is known."""
     setup, case = found.levels.setup, found.levels.case
+    limit = offer_of(setup.solver).limits.get(setup.element, KINDS[setup.element].continuum)
     try:
-        limit = registry.offer_of(registry.load(setup.solver)).limits.get(
-            setup.element, KINDS[setup.element].continuum
+        error = (
+            found.levels.difference(found.solution, exact_static(case.scene, limit)) if case.static else inf
         )
-        exact = exact_static(case.scene, limit)
-        error = found.levels.difference(found.solution, exact)
     except AnctmmError:
-        return None
-    return {
-        **_about(found), "elements": found.trial.cut, "continuum": limit,
-        "difference": error if isfinite(error) else nan, "estimate": found.error, "status": str(found.solution.status),
-    }  # fmt: skip
+        return
+    if isfinite(error):
+        about = {**_about(found), "elements": found.trial.cut, "continuum": limit}
+        yield {**about, "difference": error, "estimate": found.error, "status": str(found.solution.status)}
+
+
+# --- sentences -----------------------------------------------------------------------------------------------
 
 
 def finding(found: Refined) -> str:
@@ -195,49 +202,46 @@ def finding(found: Refined) -> str:
     about = ", ".join(value for value in _about(found).values() if value != NO_BEAMS)
     if not found.solution.status.ok:
         return f"{about}: {found.reason}."
-    levels, setup = found.levels, found.levels.setup
+    setup = found.levels.setup
     orders = [
-        f"{name} {part.order:.2f} (theory {expected:g})"
-        for name, part, expected in (
-            ("in the mesh", found.mesh, setup.mesh_order), ("in the step", found.step, setup.step_order),
+        f"{name} {part.order:.2f} (theory {theory:g})"
+        for name, part, theory in (
+            ("in the mesh", found.mesh, setup.mesh_order),
+            ("in the step", found.step, setup.step_order),
         )
         if isfinite(part.order)
-    ]  # fmt: skip
+    ]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
-    parts = _parts(found)
-    if not parts:
-        return f"{about}: there is no mesh or step to refine."
-    if not levels.estimates:  # of one mesh, or one step, nothing is known
-        given, other = ("mesh", "step") if len(levels.meshes) == 1 else ("step", "mesh")
-        parts = f"of the {other} alone; the {given} is the one given"
-    short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
-    return f"{about}: {order}{found.label} has an estimated error of {found.error:.1g} ({parts}){short}.{_held(found)}"
+    return f"{about}: {order}{_estimate(found)}.{_held(found)}"
 
 
 def answers(found: Refined) -> Iterator[Answer]:
     """Cards of a case, by the first of its setups: the largest displacement with its digits, the largest force."""
-    name = found.levels.case.name
+    question = f"{found.levels.case.name}: how many digits are correct?"
     if not found.solution.status.ok:
-        yield Answer(f"{name}: how many digits are correct?", "none", f"{found.reason}.")
+        yield Answer(question, "none", f"{found.reason}.")
         return
     values = values_of(found)
     moved = [v for v in values if v.quantity.startswith("largest displacement")] or values
     value = max(moved, key=lambda v: abs(v.value))
-    parts = _parts(found)
-    error = f"estimated error {found.error:.1g} ({parts})" if parts else "there is no mesh or step to refine"
-    short = "" if found.reached else f"; above the target {found.target:g}, as {found.reason}"
-    take = f"{_digits(value)}{value.probe}, {value.quantity}. By {found.label}: {error}{short}."
-    yield Answer(f"{name}: how many digits are correct?", value.text, take)
+    yield Answer(
+        question, value.text, f"{_digits(value)}{value.probe}, {value.quantity}. {_estimate(found)}."
+    )
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
     if any(not abs(v.value) <= v.uncertainty for v in forces):
         largest = max(forces, key=lambda v: abs(v.value))
         take = f"{_digits(largest)}In {largest.probe}, {largest.quantity.removeprefix('largest force ')}."
-        yield Answer(f"{name}: what is the largest force in a joint?", largest.text, take)
+        question = f"{found.levels.case.name}: what is the largest force in a joint?"
+        yield Answer(question, largest.text, take)
 
 
-def _parts(found: Refined) -> str:
-    mesh = [f"mesh {found.mesh.error:.1g}"] if found.levels.refines_mesh else []
-    return ", ".join(mesh + ([f"step {found.step.error:.1g}"] if found.levels.refines_step else []))
+def _estimate(found: Refined) -> str:
+    """The estimated error of a complete run in words, and why it is above its target."""
+    if not found.parts:
+        return "there is no mesh or step to refine"
+    given = "" if found.levels.estimates else "; the other is the one given, and its error is not known"
+    short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
+    return f"{found.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
 
 
 def _digits(value: Value) -> str:
@@ -246,10 +250,8 @@ def _digits(value: Value) -> str:
             return ""
         case 0:
             return "No digit is correct. "
-        case 1:
-            return "Its first digit is correct. "
         case count:
-            return f"Its first {count} digits are correct. "
+            return f"Correct digits: {count}. "
 
 
 def _held(found: Refined) -> str:
@@ -264,53 +266,21 @@ def _held(found: Refined) -> str:
     )
 
 
-def _levels(
-    finest: Refined, runs: Sequence[tuple[int, int]], part_of: Callable[[int, int], Part]
-) -> Iterator[dict[str, Any]]:
-    """Rows of runs from coarse to fine: the difference to the finest, and the estimate of that one's error."""
-    levels, rest = finest.levels, part_of(*runs[-1]).error
-    for i, j in runs:
-        solution, trial, part = levels.solution(i, j), levels.trial(i, j), part_of(i, j)
-        error = rest if (i, j) == runs[-1] else rest + levels.difference(solution, finest.solution)
-        yield {
-            **_about(finest), "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
-            "error": error if isfinite(error) else nan, "order": part.order, "status": str(solution.status),
-        }  # fmt: skip
-
-
-def _about(found: Refined) -> dict[str, str]:
-    setup, case = found.levels.setup, found.levels.case
-    return {
-        "scene": case.name, "solver": setup.solver, "element": setup.own_element if case.scene.beams else NO_BEAMS,
-        "integrator": "static" if case.static else setup.integrator,
-    }  # fmt: skip
-
-
-def _table(name: str, title: str, rows: Sequence[dict[str, Any]], columns: Sequence[str]) -> Table:
-    outputs = [OUTPUTS_NOTE] if name == "values" and any("outputs" in r["quantity"] for r in rows) else []
-    return Table(name, title, pd.DataFrame(list(rows), columns=list(columns)), (NOTES[name], *outputs))
-
-
 def _picture(scene: str, meshes: pd.DataFrame, steps: pd.DataFrame) -> Iterator[Picture]:
     """Error over the mesh and over the step."""
     every = [(meshes, "dofs", "unknown coordinates"), (steps, "dt", "time step (s)")]
-    panels = [(rows[rows["error"] > 0.0], column, label) for rows, column, label in every]
+    panels = [(rows[rows["error"] > 0.0], column, label) for rows, column, label in every if len(rows)]
     panels = [panel for panel in panels if len(panel[0]) > 1]
 
     def draw(figure: Figure) -> None:
-        row = figure.subplots(1, len(panels), squeeze=False)[0]
-        for axes, (rows, column, label) in zip(row, panels, strict=True):
+        row = list(figure.subplots(1, len(panels), squeeze=False)[0])
+        for axes, (rows, column, _) in zip(row, panels, strict=True):
             groups = rows.groupby(["solver", "element", "integrator"], sort=False)
             for k, (names, line) in enumerate(groups):
+                look = {"marker": MARKERS[k % len(MARKERS)], "linestyle": DASHES[k % len(DASHES)]}
                 about = ", ".join(str(name) for name in names if name != NO_BEAMS)
-                axes.plot(
-                    line[column], line["error"], label=about, color=PALETTE[k % len(PALETTE)],
-                    marker=MARKERS[k % len(MARKERS)], markersize=4, linestyle=DASHES[k % len(DASHES)],
-                )  # fmt: skip
-            axes.set(xscale="log", yscale="log", xlabel=label, ylabel="relative error")
-            log_ticks(axes.xaxis, *axes.get_xlim())
-            log_ticks(axes.yaxis, *axes.get_ylim())
-        legend_below(figure, list(row), 2)
+                axes.plot(line[column], line["error"], label=about, markersize=4, **look)
+        log_axes(figure, row, [(label, "relative error") for _, _, label in panels])
 
     caption = f"{scene}: error over mesh and step; the finest point of each line is an estimate."
     if panels:

@@ -1,28 +1,27 @@
 """Which beams of a case may be cables or rigid bars: error and cost of each choice against the detailed model."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby, product
-from math import inf, isfinite, nan
+from math import nan
 from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
 
 from anctmm.model.case import Case
-from anctmm.model.scene import Beam, Scene, Weld
+from anctmm.model.scene import Beam, Scene
 from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
 from studies.engine.meshes import explicit_limit, step_below
-from studies.engine.pictures import Picture
-from studies.engine.refinement import Reference, Refined, Refinement, Setup
+from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup
 from studies.engine.runner import Runner
-from studies.engine.study import Answer, Options, Result, StudyError, check_taken
-from studies.engine.tables import BUILD, Table, milliseconds
+from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_taken
+from studies.engine.tables import BUILD, Table, milliseconds, records
 from studies.engine.timing import least
-from studies.engine.trials import STATIC, Mesh, Trial
-from studies.report.plots import PALETTE, floor, legend_below, log_ticks, picture
+from studies.engine.trials import Trial
+from studies.report.plots import floor, log_axes, picture
 
 #: Kinds of model, the detailed one first.
 MODELS = ("shear", "cable", "rigid")
@@ -35,13 +34,19 @@ SHARE = 0.3
 MOST_WORK = {False: 4e6, True: 3e5}
 #: Beams, or groups of equal beams, that are chosen one by one, at most.
 MOST_UNITS = 8
-EXPLICIT, IMPLICIT = "zhai", "generalized-alpha"
 PHYSICS = (
     "Each kind of element is on a mesh, and moves by an implicit step, that were refined until their part of the error "
     f"is below {SHARE:g} of the smallest target error; explicit steps are a safe part of the choice's own stability "
     "limit.",
     "A rigid beam is a thin bar: no rotary inertia of its section, as the cable.",
 )
+NOTES = {
+    "cheapest": "target: for model, mesh and step together; a choice counts if its error and the uncertainty of the "
+    "detailed model together are below it. gain: CPU time of the detailed model over that of the choice.",
+    "beams": "model: kinds of the run, all other beams as detailed as they can be (welds do not join shear elements to "
+    "cables). enough_for: the smallest target error that it meets.",
+    "choices": "error: difference to the detailed model at the probes; it holds all: model, mesh and step.",
+}
 
 #: A kind for each beam, in the scene's order.
 Kinds = tuple[str, ...]
@@ -59,33 +64,36 @@ def run(options: Options, runner: Runner) -> Result:
     case = options.case
     if not case.scene.beams:
         raise StudyError(f"case {case.name!r} has no beam; at least one is needed to choose its element")
-    study = _Study(case, options, runner)
-    frame, alone = study.run()
-    reference = study.reference
-    cheapest = pd.DataFrame(
-        [_cheapest(case, frame, reference.uncertainty, t) for t in study.targets]
-    ).infer_objects()
-    findings = tuple(_findings(case, study, cheapest, alone))
+    smallest = options.error or SMALLEST[options.quick]
+    targets = (*(t for t in TARGETS if t > 1.01 * smallest), smallest)
+    choices = Choices.of(case.scene, kinds_of(case.scene))
+    models = Models(case, choices, runner, SHARE * smallest, MOST_WORK[options.quick])
+    first = models.rows(choices.first())
+    best = choices.best(alone(first, choices), targets)
+    more = [kinds for kinds in best if "/".join(kinds) not in set(first["element"])]
+    rows = pd.concat([first, models.rows(more)], ignore_index=True) if more else first
+    detailed = rows[rows["model"] == choices.words(choices.uniform(choices.kinds[0]))]["cpu_s"].min()
+    rows = rows.assign(gain=detailed / rows["cpu_s"])
+    simplified = pd.DataFrame(_simplified(case, rows, choices, targets))
+    cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
+    findings = tuple(_findings(case, choices, cheapest, simplified))
     return Result(
         name="fidelity", title="Fidelity", question="Which beam must be modelled how finely, and what is saved?",
-        findings=findings, assumptions=(*PHYSICS, *assumptions_of(case), *study.remarks()),
+        findings=findings, assumptions=(*PHYSICS, *assumptions_of(case), *models.remarks()),
         tables=(
-            Table("cheapest", "The cheapest model under a target error", cheapest, (
-                "target: for model, mesh and step together; a choice counts if its error and the uncertainty of the "
-                "detailed model together are below it. gain: CPU time of the detailed model over that of the choice.",
-            )),
-            Table("beams", "One beam simplified at a time", alone, (
-                "model: kinds of the run, all other beams as detailed as they can be. enough_for: the smallest target "
-                "error that it meets.",
-            )),
-            Table("choices", "Every choice of kinds", frame, (
-                "error: difference to the detailed model at the probes; it holds all: model, mesh and step.", BUILD,
-            )),
+            Table("cheapest", "The cheapest model under a target error", cheapest, (NOTES["cheapest"],)),
+            Table("beams", "One beam simplified at a time", simplified, (NOTES["beams"],)),
+            Table("choices", "Every choice of kinds", rows, (NOTES["choices"], BUILD)),
         ),
-        pictures=(_picture(case.name, frame, reference),) if (frame["error"] > 0.0).any() else (),
+        pictures=(_picture(case.name, rows),) if (rows["error"] > 0.0).any() else (),
         answers=(_answer(case, cheapest, findings),), shown=("cheapest", "beams"),
-        good=bool(frame["status"].eq("ok").any()),
+        good=bool(rows["status"].eq("ok").any()),
     )  # fmt: skip
+
+
+def kinds_of(scene: Scene) -> Kinds:
+    """Kinds to choose from: shear elements that bend too stiffly are no measure of others."""
+    return MODELS[1:] if any(beam.material.poisson > 0.0 for beam in scene.beams) else MODELS
 
 
 @dataclass(frozen=True)
@@ -100,17 +108,14 @@ class Choices:
         Places of the beams that are chosen together.
     kinds : tuple of str
         The detailed one first.
-    welded : tuple of frozenset of int
-        For each beam those that welds join it to, and itself: none of them can be of shear elements beside a cable.
     """
 
     names: tuple[str, ...]
     units: tuple[tuple[int, ...], ...]
-    kinds: tuple[str, ...]
-    welded: tuple[frozenset[int], ...]
+    kinds: Kinds
 
     @classmethod
-    def of(cls, scene: Scene, kinds: Sequence[str]) -> "Choices":
+    def of(cls, scene: Scene, kinds: Kinds) -> "Choices":
         """Each beam alone; of many beams those of one section, material and length together, the longest first."""
         beams = scene.beams
         units: list[tuple[int, ...]] = [(k,) for k in range(len(beams))]
@@ -118,29 +123,26 @@ class Choices:
             order = sorted(range(len(beams)), key=lambda k: (_size(beams[k]), k))
             units = [tuple(group) for _, group in groupby(order, key=lambda k: _size(beams[k]))]
             units = sorted(sorted(units, key=lambda u: -beams[u[0]].length * len(u))[:MOST_UNITS])
-        return cls(tuple(beam.name for beam in beams), tuple(units), tuple(kinds), _welded(scene))
-
-    @property
-    def detailed(self) -> Kinds:
-        """The most detailed kind for all."""
-        return self.uniform(self.kinds[0])
+        return cls(tuple(beam.name for beam in beams), tuple(units), kinds)
 
     def uniform(self, kind: str) -> Kinds:
         """One kind for all."""
         return (kind,) * len(self.names)
 
+    def alone(self, unit: int, kind: str, base: str) -> Kinds:
+        """One unit of a kind, all others of another."""
+        return tuple(kind if k in self.units[unit] else base for k in range(len(self.names)))
+
+    def bases(self, unit: int, kind: str) -> list[Kinds]:
+        """Choices in which one unit alone is of a kind, the detailed ones first."""
+        return [self.alone(unit, kind, base) for base in self.kinds[: self.kinds.index(kind)]]
+
     def first(self) -> list[Kinds]:
         """Choices to try before anything is known, the detailed one first."""
         found = [self.uniform(kind) for kind in self.kinds]
-        found += [self.alone(u, kind, base) for base, kind in self._pairs() for u in range(len(self.units))]
+        for unit, kind in product(range(len(self.units)), self.kinds[1:]):
+            found += self.bases(unit, kind)
         return list(dict.fromkeys(found))
-
-    def alone(self, unit: int, kind: str, base: str) -> Kinds:
-        """One unit of a kind, all others of another; a cable beside shear elements with all that welds join it to."""
-        inside = set(self.units[unit])
-        if (kind, base) == ("cable", "shear"):
-            inside = set().union(*(self.welded[k] for k in inside))
-        return tuple(kind if k in inside else base for k in range(len(self.names)))
 
     def best(self, error: Mapping[tuple[int, str], float], targets: Sequence[float]) -> list[Kinds]:
         """Combinations of simplified units whose errors alone sum up to no more than a target.
@@ -152,15 +154,13 @@ class Choices:
         targets : sequence of float
         """
         found = [self._sum_below(error, target, base) for target in targets for base in self.kinds[:-1]]
-        return [kinds for kinds in dict.fromkeys(found) if self._can_be(kinds)]
+        return list(dict.fromkeys(found))
 
     def _sum_below(self, error: Mapping[tuple[int, str], float], target: float, base: str) -> Kinds:
         kinds, taken = list(self.uniform(base)), dict[int, float]()
         simpler = self.kinds[self.kinds.index(base) + 1 :]
-        options = sorted(
-            (e, -self.kinds.index(kind), u, kind) for (u, kind), e in error.items() if kind in simpler
-        )
-        for e, _, unit, kind in options:  # a later kind of a unit is simpler, and has a larger error
+        allowed = [(e, unit, kind) for (unit, kind), e in error.items() if kind in simpler]
+        for e, unit, kind in sorted(allowed):  # a later kind of a unit is simpler, and has a larger error
             if sum(taken.values()) - taken.get(unit, 0.0) + e <= target:
                 taken[unit] = e
                 for k in self.units[unit]:
@@ -169,207 +169,150 @@ class Choices:
 
     def words(self, kinds: Kinds) -> str:
         """A choice in words."""
-        if len(set(kinds)) == 1:
-            return f"all {kinds[0]}" if len(kinds) > 1 else kinds[0]
         usual = max(dict.fromkeys(kinds), key=kinds.count)
         parts = []
         for kind in dict.fromkeys(k for k in kinds if k != usual):
             those = [name for name, k in zip(self.names, kinds, strict=True) if k == kind]
             more = f" and {len(those) - 4} more" if len(those) > 4 else ""
             parts.append(f"{', '.join(those[:4])}{more} {kind}")
-        return f"{usual}, but {'; '.join(parts)}"
-
-    def _can_be(self, kinds: Kinds) -> bool:
-        """Whether no weld joins shear elements to cables."""
-        return all(len({kinds[k] for k in those} - {"rigid"}) < 2 for those in self.welded)
-
-    def _pairs(self) -> Iterator[tuple[str, str]]:
-        """A kind of all others with each simpler one."""
-        for k, base in enumerate(self.kinds):
-            yield from ((base, kind) for kind in self.kinds[k + 1 :])
+        return f"{usual}, but {'; '.join(parts)}" if parts else usual if len(kinds) == 1 else f"all {usual}"
 
 
-class _Study:
-    """Runs of one case."""
+class Models:
+    """Runs of choices, each kind on the mesh and by the step that its own refinement found."""
 
-    def __init__(self, case: Case, options: Options, runner: Runner) -> None:
-        self.case, self.runner, self.quick = case, runner, options.quick
-        smallest = options.error or SMALLEST[options.quick]
-        self.targets = (*(t for t in TARGETS if t > 1.01 * smallest), smallest)
-        self.locking = [beam for beam in case.scene.beams if beam.material.poisson > 0.0]
-        # shear elements that bend too stiffly are no measure of others
-        self.choices = Choices.of(case.scene, MODELS[1:] if self.locking else MODELS)
+    def __init__(self, case: Case, choices: Choices, runner: Runner, target: float, most_work: float) -> None:
+        self.case, self.choices, self.runner, self.most_work = case, choices, runner, most_work
         self.refined: dict[str, Refined] = {}
-        for kind in self.choices.kinds:
+        for kind in choices.kinds:
             runner.heading = f"{case.name}, mesh and step of {kind} beams: "
-            self.refined[kind] = Refinement(case, Setup(element=kind), runner).refined(SHARE * smallest)
+            self.refined[kind] = Refinement(case, Setup(element=kind), runner).refined(target)
 
-    @property
-    def reference(self) -> Reference:
-        """The detailed model on its mesh and by its step, with the error of these."""
-        best = self.refined[self.choices.kinds[0]].reference
-        return replace(best, name=f"{self.choices.words(self.choices.detailed)}, {best.name}")
+    def rows(self, every: Sequence[Kinds]) -> pd.DataFrame:
+        """Rows of choices: of implicit and of explicit steps; of equilibria one."""
+        reference = self.refined[self.choices.kinds[0]]
+        planned = [(kinds, trial) for kinds in every for trial in self._trials(kinds)]
+        self.runner.heading = f"{self.case.name}, choices: "
+        trials = [trial for _, trial in planned]
+        solutions = self.runner.solve_many(trials)
+        good = [k for k, s in enumerate(solutions) if s.status.ok]
+        costs = self.runner.time_in_turn([trials[k] for k in good]) if good else []
+        timings = {k: least(samples) for k, samples in zip(good, costs, strict=True)}
+        return pd.DataFrame([
+            {
+                "scene": self.case.name, "model": self.choices.words(kinds), "element": "/".join(kinds),
+                "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
+                "error": reference.error_of(solution), "reference_error": reference.uncertainty,
+                "cpu_s": timings[k].cpu_s if k in timings else nan,
+                "build_s": timings[k].build_s if k in timings else nan, "status": str(solution.status),
+            }
+            for k, ((kinds, trial), solution) in enumerate(zip(planned, solutions, strict=True))
+        ])  # fmt: skip
 
-    def run(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """A row for each choice and integrator; and one for each beam simplified alone."""
-        rows = self._rows(self.choices.first())
-        tried = {row["element"] for row in rows}
-        best = self.choices.best(self._alone(rows), self.targets)
-        rows += self._rows([kinds for kinds in best if "/".join(kinds) not in tried])
-        frame = pd.DataFrame(rows).drop(columns="kinds")
-        detailed = frame[frame["model"] == self.choices.words(self.choices.detailed)]["cpu_s"].min()
-        frame["gain"] = detailed / frame["cpu_s"]
-        return frame, pd.DataFrame(self._beams(rows, detailed))
+    def _trials(self, kinds: Kinds) -> Iterator[Trial]:
+        """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
+        mesh = tuple(self.refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
+        element = FrozenMapping(zip(self.choices.names, kinds, strict=True))
+        reached = {found.trial.dt for kind, found in self.refined.items() if kind in kinds and found.reached}
+        dt = min(reached or {found.trial.dt for found in self.refined.values()})
+        yield Trial.of(self.case, Setup.solver, mesh, element=element, dt=dt)
+        if self.case.static:
+            return
+        limit = explicit_limit(self.case, dict(zip(self.choices.names, mesh, strict=True)), element=element)
+        dt = step_below(self.case, min(limit, 1e-3 * self.case.duration))
+        explicit = Trial.of(self.case, Setup.solver, mesh, element=element, integrator=EXPLICIT, dt=dt)
+        if explicit.work <= self.most_work:
+            yield explicit
 
     def remarks(self) -> Iterator[str]:
         """Sentences on this scene."""
         for kind, found in self.refined.items():
             if not found.reached:
                 yield f"{self.case.name}, {kind} beams: mesh and step are not fine enough, as {found.reason}."
-        if self.locking:
-            nu = max(beam.material.poisson for beam in self.locking)
+        nu = max(beam.material.poisson for beam in self.case.scene.beams)
+        if "shear" not in self.choices.kinds:
             factor = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
             yield (
                 f"{self.case.name}: with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} on any "
                 f"mesh (thickness locking), so that cables are the detailed model here."
             )
-        yield (
-            f"{self.case.name}: {len(self.choices.units)} beams or groups of equal beams were simplified one at a "
-            f"time, then together where their errors sum up to less than a target error."
-        )
-
-    def _rows(self, every: Sequence[Kinds]) -> list[dict[str, Any]]:
-        """Rows of choices: of implicit and of explicit steps; of equilibria one."""
-        planned = [(kinds, trial) for kinds in every for trial in self._trials(kinds)]
-        self.runner.heading = f"{self.case.name}, choices: "
-        trials = [trial for _, trial in planned]
-        solutions = self.runner.solve_many(trials)
-        good = [k for k, s in enumerate(solutions) if s.status.ok]
-        costs = (
-            dict(zip(good, self.runner.time_in_turn([trials[k] for k in good]), strict=True)) if good else {}
-        )
-        rows = []
-        for k, ((kinds, trial), solution) in enumerate(zip(planned, solutions, strict=True)):
-            timing = least(costs[k]) if k in costs else None
-            rows.append({
-                "scene": self.case.name, "model": self.choices.words(kinds), "element": "/".join(kinds),
-                "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
-                "error": self.reference.error_of(solution), "reference_error": self.reference.uncertainty,
-                "cpu_s": timing.cpu_s if timing else nan, "build_s": timing.build_s if timing else nan,
-                "status": str(solution.status), "kinds": kinds,
-            })  # fmt: skip
-        return rows
-
-    def _trials(self, kinds: Kinds) -> Iterator[Trial]:
-        if self.case.static:
-            yield self._trial(kinds, STATIC, nan)
-            return
-        steps = [self.refined[kind].trial.dt for kind in set(kinds) if self.refined[kind].reached]
-        yield self._trial(kinds, IMPLICIT, min(steps, default=min(f.trial.dt for f in self.refined.values())))
-        element = dict(zip(self.choices.names, kinds, strict=True))
-        mesh = dict(zip(self.choices.names, self._mesh(kinds), strict=True))
-        limit = explicit_limit(self.case, mesh, element=element)
-        explicit = self._trial(kinds, EXPLICIT, step_below(self.case, min(limit, 1e-3 * self.case.duration)))
-        if explicit.work <= MOST_WORK[self.quick]:
-            yield explicit
-
-    def _trial(self, kinds: Kinds, integrator: str, dt: float) -> Trial:
-        element = FrozenMapping(zip(self.choices.names, kinds, strict=True))
-        case = self.case
-        return Trial(
-            case.scene,
-            Setup.solver,
-            self._mesh(kinds),
-            element,
-            "full",
-            integrator,
-            dt,
-            case.duration,
-            case.interval,
-        )
-
-    def _mesh(self, kinds: Kinds) -> Mesh:
-        return tuple(self.refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
-
-    def _simplified(self, unit: int, kind: str) -> list[str]:
-        """Models in which one unit alone is of a kind, the detailed one first."""
-        bases = self.choices.kinds[: self.choices.kinds.index(kind)]
-        return [self.choices.words(self.choices.alone(unit, kind, base)) for base in bases]
-
-    def _alone(self, rows: Sequence[dict[str, Any]]) -> dict[tuple[int, str], float]:
-        """Error of the most detailed model in which one unit is simpler."""
-        errors: dict[str, float] = {}
-        for line in rows:
-            if line["status"] == "ok":
-                errors[line["model"]] = min(line["error"], errors.get(line["model"], inf))
-        found = {}
-        for unit, kind in product(range(len(self.choices.units)), self.choices.kinds[1:]):
-            if model := next((m for m in self._simplified(unit, kind) if m in errors), None):
-                found[unit, kind] = errors[model]
-        return found
-
-    def _beams(self, rows: Sequence[dict[str, Any]], detailed: float) -> list[dict[str, Any]]:
-        """Error and gain of each beam simplified alone, or why it cannot be."""
-        sure = self.reference.uncertainty
-        lines = []
-        for (unit, those), kind in product(enumerate(self.choices.units), self.choices.kinds[1:]):
-            names = [self.choices.names[k] for k in those]
-            name = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} equal ones"
-            mine = [line for m in self._simplified(unit, kind) for line in rows if line["model"] == m]
-            good = [line for line in mine if line["status"] == "ok"]
-            about = {"scene": self.case.name, "beam": name, "kind": kind}
-            if not good:
-                lines.append({**about, "status": mine[0]["status"] if mine else "not tried"})
-                continue
-            best = min((g for g in good if g["model"] == good[0]["model"]), key=lambda line: line["cpu_s"])
-            enough = min((t for t in self.targets if best["error"] + sure <= t), default=nan)
-            lines.append({
-                **about, "model": best["model"], "error": best["error"], "reference_error": sure,
-                "gain": detailed / best["cpu_s"], "enough_for": enough, "status": "ok",
-            })  # fmt: skip
-        return lines
 
 
-def _cheapest(case: Case, frame: pd.DataFrame, sure: float, target: float) -> dict[str, Any]:
-    """The cheapest choice that meets a target error."""
-    good = frame[(frame["error"] + sure <= target) & frame["status"].eq("ok")]
-    line = {"scene": case.name, "target": target}
-    if good.empty:
-        return line | {"status": "no model meets it"}
-    best = good.sort_values("cpu_s").iloc[0]
-    names = ("model", "integrator", "elements", "dt", "error", "cpu_s", "build_s", "gain")
-    return line | {name: best[name] for name in names} | {"reference_error": sure, "status": "ok"}
+def alone(rows: pd.DataFrame, choices: Choices) -> dict[tuple[int, str], float]:
+    """By unit and kind the error of the most detailed model in which that unit alone is of that kind."""
+    errors = rows[rows["status"] == "ok"].groupby("element")["error"].min()
+    found = {}
+    for unit, kind in product(range(len(choices.units)), choices.kinds[1:]):
+        names = ["/".join(kinds) for kinds in choices.bases(unit, kind)]
+        known = [errors[name] for name in names if name in errors.index]
+        if known:
+            found[unit, kind] = known[0]
+    return found
+
+
+def _simplified(
+    case: Case, rows: pd.DataFrame, choices: Choices, targets: Sequence[float]
+) -> Iterator[dict[str, Any]]:
+    """Error and gain of each beam simplified alone, or why it cannot be."""
+    for (unit, those), kind in product(enumerate(choices.units), choices.kinds[1:]):
+        others = f" and {len(those) - 1} equal ones" if len(those) > 1 else ""
+        about = {"scene": case.name, "beam": choices.names[those[0]] + others, "kind": kind}
+        runs = [rows[rows["element"] == "/".join(kinds)] for kinds in choices.bases(unit, kind)]
+        good = [run[run["status"] == "ok"] for run in runs]
+        best = next((run.sort_values("cpu_s").iloc[0] for run in good if len(run)), None)
+        if best is None:
+            yield {**about, "status": runs[0]["status"].iloc[0]}
+            continue
+        bound = best["error"] + best["reference_error"]
+        found = {name: best[name] for name in ("model", "error", "reference_error", "gain")}
+        yield {
+            **about,
+            **found,
+            "enough_for": min((t for t in targets if bound <= t), default=nan),
+            "status": "ok",
+        }
+
+
+def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
+    """The cheapest choice whose error, with the uncertainty of the detailed model, is below a target."""
+    able = rows[(rows["error"] + rows["reference_error"] <= target) & (rows["cpu_s"] > 0.0)]
+    about = {"scene": rows["scene"].iloc[0], "target": target}
+    if able.empty:
+        return {**about, "status": "no choice is sure to meet it"}
+    best = able.sort_values("cpu_s").iloc[0]
+    names = ("model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status")
+    return {**about, **{name: best[name] for name in names}}
 
 
 def _answer(case: Case, cheapest: pd.DataFrame, findings: Sequence[str]) -> Answer:
-    met = cheapest[cheapest["status"].eq("ok")]
+    met = cheapest[cheapest["status"] == "ok"]
     figure = "none" if met.empty else str(met["model"].iloc[-1])
     take = findings[0].removeprefix(f"{case.name}: ")
-    return Answer(
-        f"{case.name}: which beams may be modelled more simply?", figure, f"{take[:1].upper()}{take[1:]}"
-    )
+    question = f"{case.name}: which beams may be modelled more simply?"
+    return Answer(question, figure, f"{take[:1].upper()}{take[1:]}")
 
 
-def _findings(case: Case, study: _Study, cheapest: pd.DataFrame, alone: pd.DataFrame) -> Iterator[str]:
+def _findings(
+    case: Case, choices: Choices, cheapest: pd.DataFrame, simplified: pd.DataFrame
+) -> Iterator[str]:
     """The answer, and a sentence on each beam."""
-    lines = cheapest[cheapest["status"].eq("ok")]
+    lines = cheapest[cheapest["status"] == "ok"]
     if lines.empty:
-        yield f"{case.name}: no model meets any target error; {study.reference.name}."
+        yield f"{case.name}: no model meets any target error."
         return
-    best, sure = lines.iloc[-1], study.reference.uncertainty
-    detailed = study.choices.words(study.choices.detailed)
-    by = "" if case.static else f" with {best['integrator']}"
+    best, detailed = lines.iloc[-1], choices.words(choices.uniform(choices.kinds[0]))
+    sure, by = best["reference_error"], "" if case.static else f" with {best['integrator']}"
     take = f"{case.name}: for a target error of {best['target']:g}: {best['model']}{by}, {milliseconds(best['cpu_s'])}"
     if best["model"] == detailed:
         yield f"{take}; no simpler model meets it (uncertainty {sure:.1g})."
     else:
         away = f"{best['error']:.1g} ± {sure:.1g} from {detailed}"
         yield f"{take}; {away}, which takes {best['gain']:.2g} times as long."
-    for beam, rows in alone.groupby("beam", sort=False):
-        yield f"{case.name}, {beam}: {'; '.join(_alone_text(line) for line in rows.to_dict('records'))}."
+    for beam, rows in simplified.groupby("beam", sort=False):
+        yield f"{case.name}, {beam}: {'; '.join(_alone_text(line) for line in records(rows))}."
 
 
-def _alone_text(line: Mapping[Any, Any]) -> str:
+def _alone_text(line: Mapping[str, Any]) -> str:
     if line["status"] != "ok":
         return f"{line['kind']} cannot be ({line['status']})"
     enough = line["enough_for"]
@@ -377,45 +320,21 @@ def _alone_text(line: Mapping[Any, Any]) -> str:
     return f"as {line['kind']} the result differs by {line['error']:.1g}, {verdict}"
 
 
-def _picture(scene: str, frame: pd.DataFrame, reference: Reference) -> Picture:
+def _picture(scene: str, rows: pd.DataFrame) -> Picture:
     """Error of each choice against its CPU time."""
-    shown = frame[(frame["error"] > 0.0) & (frame["cpu_s"] > 0.0)]
+    shown = rows[(rows["error"] > 0.0) & (rows["cpu_s"] > 0.0)]
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        for k, (integrator, rows) in enumerate(shown.groupby("integrator", sort=False)):
-            axes.plot(
-                rows["cpu_s"],
-                rows["error"],
-                "os^"[k % 3],
-                color=PALETTE[k],
-                label=str(integrator),
-                markersize=5,
-            )
-        axes.set(xscale="log", yscale="log", xlabel="CPU time of the steps (s)", ylabel="error of the model")
-        if isfinite(reference.uncertainty):
-            floor(axes, pd.Series([reference.uncertainty]))
-        log_ticks(axes.xaxis, *axes.get_xlim())
-        log_ticks(axes.yaxis, *axes.get_ylim())
-        legend_below(figure, [axes], 2)
+        for k, (integrator, own) in enumerate(shown.groupby("integrator", sort=False)):
+            axes.plot(own["cpu_s"], own["error"], "os^"[k % 3], label=str(integrator))
+        floor(axes, float(rows["reference_error"].max()))
+        log_axes(figure, [axes], [("CPU time of the steps (s)", "error of the model")])
 
     caption = (
         f"{scene}: error of each choice of kinds against its CPU time; every marker is a model of all beams."
     )
     return picture(f"fidelity_{file_name(scene)}", caption, draw, (6.8, 3.8))
-
-
-def _welded(scene: Scene) -> tuple[frozenset[int], ...]:
-    """For each beam those that a row of welds joins it to, and itself."""
-    place = {beam.name: k for k, beam in enumerate(scene.beams)}
-    groups = [{k} for k in place.values()]
-    for joint in scene.joints:
-        if isinstance(joint, Weld):
-            ends = [place[n] for n in {scene.place(e).body.name for e in joint.ends} if n in place]
-            together = set().union(*(groups[k] for k in ends)) if ends else set()
-            for k in together:
-                groups[k] = together
-    return tuple(frozenset(group) for group in groups)
 
 
 def _size(beam: Beam) -> tuple[float, ...]:

@@ -11,19 +11,15 @@ import anctmm as at
 
 #: Elements of each block size, and kinds of calls: by the options of a motion, or by name.
 ELEMENTS = ("cable", "shear")
-CALLS: dict[str, dict[str, Any]] = {
+MOTIONS: dict[str, dict[str, Any]] = {
     "zhai": {"integrator": "zhai", "dt": 1e-6, "t_end": 2e-6},
     "generalized-alpha": {"integrator": "generalized-alpha", "dt": 1e-4, "t_end": 2e-4},
     "esdirk": {"integrator": "esdirk", "dt": 1e-4, "t_end": 2e-4},
     "generalized-alpha with a tolerance": {
-        "integrator": "generalized-alpha",
-        "tolerance": 1e-2,
-        "t_end": 1e-3,
+        "integrator": "generalized-alpha", "tolerance": 1e-2, "t_end": 1e-3,
     },
     "esdirk with a tolerance": {"integrator": "esdirk", "tolerance": 1e-2, "t_end": 1e-3},
-    "statics": {},
-    "modes": {},
-}
+}  # fmt: skip
 
 
 def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int | None = None) -> None:
@@ -32,11 +28,11 @@ def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int |
     Parameters
     ----------
     done : callable
-        Is told of each kind of run that is done.
+        Is called with each kind of run that is done.
     workers : int, optional
         Processes; default: as many as there are processors.
     """
-    kinds = sorted(product(CALLS, ELEMENTS), key=lambda kind: kind[1])
+    kinds = [(name, element) for element, name in product(ELEMENTS, (*MOTIONS, "statics", "modes"))]
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
             done(future.result())
@@ -51,5 +47,5 @@ def call(name: str, element: str) -> str:
     elif name == "modes":
         at.modes(scene, mesh=2, element=element, count=2)
     else:
-        at.solve(scene, mesh=2, element=element, **CALLS[name])
+        at.solve(scene, mesh=2, element=element, **MOTIONS[name])
     return f"{name}, {element}"

@@ -36,7 +36,7 @@ CODES = (
 
 
 class BadOption(Exception):
-    """An option's value cannot be used."""
+    """An option cannot be used beside another one."""
 
 
 class Command(TyperCommand):
@@ -76,21 +76,18 @@ class Commands(TyperGroup):
 
 def end_with(error: BaseException) -> NoReturn:
     """Print on standard error in one line why a command ends, and end it with its code."""
-    code = code_of(error)
+    code, text = code_of(error), " ".join(str(error).split())
     if code is Code.CLOSED:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python fails once more when it flushes
         raise typer.Exit(code)
-    text = " ".join(str(error).split())
-    match code:
-        case Code.FAULT:
-            traceback.print_exception(error) if os.environ.get(TRACEBACK) else None
-            text = f"internal error of anctmm: {type(error).__name__}: {text} ({TRACEBACK}=1 shows where)"
-        case Code.INTERRUPTED:
-            text = "interrupted"
-        case _ if isinstance(error, SystemExit):
-            text = f"code of a plug-in or of a scene called sys.exit({error.code!r}): nothing was done"
-        case _:
-            pass
+    if code is Code.FAULT:
+        if os.environ.get(TRACEBACK):
+            traceback.print_exception(error)
+        text = f"internal error of anctmm: {type(error).__name__}: {text} ({TRACEBACK}=1 shows where)"
+    elif code is Code.INTERRUPTED:
+        text = "interrupted"
+    elif isinstance(error, SystemExit):
+        text = f"code of a plug-in or of a scene called sys.exit({error.code!r}): nothing was done"
     typer.echo(f"anctmm: {text}", err=True)
     raise typer.Exit(code)
 

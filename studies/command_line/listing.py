@@ -8,45 +8,43 @@ from rich.table import Table
 from anctmm.errors import PluginError
 from anctmm.model.case import Case
 from anctmm.solvers import registry
-from studies.engine.places import place_texts
+from studies.cases import place_name
 from studies.engine.study import STUDIES
+from studies.engine.tables import rich_table
 
 
 def scenes(cases: Iterable[Case]) -> Table:
     """A row a case."""
-    shown = _table("Scenes", "name", "bodies", "probes", "run", "note")
-    for case in cases:
-        bodies = ", ".join(b.name for b in case.scene.bodies)
-        note = case.note if len(case.note) <= 60 else f"{case.note[:59]}…"
-        cells = (case.name, bodies, ", ".join(place_texts(case.probes).values()), _run(case), note)
-        shown.add_row(*map(escape, cells))
-    return shown
+    rows = [
+        (
+            case.name,
+            ", ".join(body.name for body in case.scene.bodies),
+            ", ".join(map(place_name, case.probes)),
+            "static" if case.static else f"{case.duration:g} s",
+            case.note if len(case.note) <= 60 else f"{case.note[:59]}…",
+        )
+        for case in cases
+    ]
+    return _table("Scenes", ("name", "bodies", "probes", "run", "note"), rows)
 
 
 def solvers() -> Table:
     """A row a solver, with the features that it lacks."""
-    shown = _table("Solvers", "name", "from", "lacks")
-    for name, origin in registry.origins():
-        shown.add_row(escape(name), escape(origin), escape(_lacks(name)))
-    return shown
+    rows = [(name, origin, _lacks(name)) for name, origin in registry.origins()]
+    return _table("Solvers", ("name", "from", "lacks"), rows)
 
 
 def studies() -> Table:
     """A row a study."""
-    shown = _table("Studies", "name", "question")
-    for name, (_, question) in STUDIES.items():
-        shown.add_row(name, question)
-    return shown
+    rows = [(name, question) for name, (_, question) in STUDIES.items()]
+    return _table("Studies", ("name", "question"), rows)
 
 
-def _run(case: Case) -> str:
-    return "static" if case.static else f"{case.duration:g} s"
-
-
-def _table(title: str, *columns: str) -> Table:
-    shown = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0))
-    for column in columns:
-        shown.add_column(column, no_wrap=column == "name")
+def _table(title: str, columns: Iterable[str], rows: Iterable[tuple[str, ...]]) -> Table:
+    shown = rich_table(title, dict.fromkeys(columns, False))
+    shown.columns[0].no_wrap = True
+    for row in rows:
+        shown.add_row(*map(escape, row))
     return shown
 
 

@@ -40,11 +40,10 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
     """
     from rich.console import Console
 
-    from studies.engine.console import say
     from studies.engine.files import store_directory
-    from studies.engine.runner import Runner, check_workers
+    from studies.engine.runner import Runner
+    from studies.engine.tables import say
 
-    check_workers(workers, cluster)
     console, store = Console(stderr=True), store_directory()
     said = monotonic()
     with bar(console) as progress:
@@ -64,26 +63,14 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
             progress.stop()
             again = shlex.join(["anctmm", *sys.argv[1:]])
             stored = f"Finished runs ({runner.computed} of this session) are stored in {store}; continue with: {again}"
-            say(
-                console,
-                f"Interrupted. {stored if store else 'Nothing is stored: no directory can be written.'}",
-            )
+            nowhere = "Nothing is stored: no directory can be written."
+            say(console, f"Interrupted. {stored if store else nowhere}")
             raise typer.Exit(Code.INTERRUPTED) from None
 
 
 def bar(console: "Console") -> "Progress":
     """A bar that disappears when it is done; none if the output is no terminal."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import MofNCompleteColumn, Progress
 
-    columns = (
-        TextColumn("{task.description}", markup=False), BarColumn(bar_width=10), MofNCompleteColumn(),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

@@ -84,23 +84,21 @@ def stable_step(scene: Scene, mesh: Any, longest: float, **options: Any) -> floa
         If the scene has no explicit runs.
     """
 
-    def stable(dt: float) -> bool:
+    def is_stable(dt: float) -> bool:
         try:
             at.solve(scene, mesh=mesh, integrator="zhai", dt=dt, t_end=dt, output_dt=dt, **options)
         except StepError:
             return False
         return True
 
-    if stable(longest):
+    if is_stable(longest):
         return inf
-    above, below = longest, longest / 2.0
-    for _ in range(MOST_HALVINGS):
-        if stable(below):
-            break
-        above, below = below, below / 2.0
+    halves = (longest / 2.0**k for k in range(1, MOST_HALVINGS))
+    below = next(filter(is_stable, halves), longest / 2.0**MOST_HALVINGS)
+    above = 2.0 * below
     for _ in range(BISECTIONS):
         middle = (above * below) ** 0.5
-        above, below = (above, middle) if stable(middle) else (middle, below)
+        above, below = (above, middle) if is_stable(middle) else (middle, below)
     return below
 
 

@@ -30,13 +30,7 @@ def machine() -> dict[str, str]:
 @cache
 def versions() -> dict[str, str]:
     """Versions of the libraries that compute; "missing" where one is not installed."""
-    found = {}
-    for library in LIBRARIES:
-        try:
-            found[library] = version(library)
-        except PackageNotFoundError:
-            found[library] = "missing"
-    return found
+    return {library: _version(library) for library in LIBRARIES}
 
 
 @cache
@@ -52,11 +46,10 @@ def sources(*packages: str) -> str:
 @cache
 def commit() -> str:
     """Commit of the code, "-dirty" where files of it were changed since; a digest of the sources without a checkout."""
-    head = _git("rev-parse", "--short=12", "HEAD") if (ROOT / ".git").exists() else None
+    head = _git("rev-parse", "--short=12", "HEAD") if (ROOT / ".git").exists() else ""
     if not head:
         return f"sources {sources()}"
-    changed = _git("status", "--porcelain", "--", *PACKAGES, "pyproject.toml")
-    return f"{head}-dirty" if changed else head
+    return f"{head}-dirty" if _git("status", "--porcelain", "--", *PACKAGES, "pyproject.toml") else head
 
 
 def name() -> str:
@@ -75,14 +68,19 @@ def stamp() -> str:
     return f"commit {commit()}, {m['processor']}, {m['cores']} cores, {m['system']}, {software()}"
 
 
-def _git(*words: str) -> str | None:
-    """Output of a git command in the checkout; None where it fails."""
+def _version(library: str) -> str:
     try:
-        done = subprocess.run(
-            ["git", *words], cwd=ROOT, capture_output=True, text=True, timeout=30, check=True
-        )
+        return version(library)
+    except PackageNotFoundError:
+        return "missing"
+
+
+def _git(*words: str) -> str:
+    """Output of a git command in the checkout; empty where it fails."""
+    try:
+        done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, timeout=30)
     except (OSError, subprocess.SubprocessError):
-        return None
+        return ""
     return done.stdout.strip()
 
 
@@ -90,6 +88,6 @@ def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
-        return platform.processor() or "unknown processor"
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or "unknown processor"

@@ -15,7 +15,7 @@ from anctmm.elements.kinds import KINDS, QUADRATURES
 from anctmm.errors import AnctmmError, ResultError
 from anctmm.model.case import Case
 from anctmm.model.scene import Probe
-from anctmm.results.metrics import common_times, compare, history_error, rounding_at, worst
+from anctmm.results.metrics import common_times, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
@@ -24,16 +24,15 @@ from anctmm.validation import one_of
 from studies.engine.meshes import coarsest_mesh, explicit_limit, longest_step
 from studies.engine.richardson import Part, Spacing, part_of
 from studies.engine.runner import Runner
-from studies.engine.trials import STATIC, Mesh, Trial
+from studies.engine.trials import Given, Mesh, Trial
 
-#: Elements times steps of a run at most, some ten seconds; halvings of mesh or step at most.
-MOST_WORK, MOST_HALVINGS = 4e6, 20
-#: Steps of a motion that an equilibrium counts as.
-STATIC_STEPS = 100.0
+EXPLICIT = "zhai"
+#: Elements times steps of a run at most, some ten seconds; steps of a motion that an equilibrium counts as.
+MOST_WORK, STATIC_STEPS = 4e6, 100.0
 #: Statuses that neither a finer mesh nor a shorter step changes.
 FINAL = ("unsupported", "interrupted", "unstable", "singular", "imprecise")
 #: Order in time of each integrator.
-STEP_ORDERS = {"zhai": 2.0, "generalized-alpha": 2.0, "esdirk": 4.0}
+STEP_ORDERS = {EXPLICIT: 2.0, "generalized-alpha": 2.0, "esdirk": 4.0}
 #: Angle, rad, below which a place that rests does not turn.
 TURNED = 1e-6
 
@@ -52,7 +51,7 @@ class Setup:
     element: str = "cable"
     integrator: str = "generalized-alpha"
     quadrature: str = "full"
-    options: tuple[tuple[str, Any], ...] = ()
+    options: Given = ()
 
     def __post_init__(self) -> None:
         one_of("solver", self.solver, registry.names())
@@ -63,12 +62,12 @@ class Setup:
     @property
     def own_element(self) -> str:
         """The element that the solver uses for this one."""
-        return element_of(self.solver, self.element)
+        return offer_of(self.solver).element_of(self.element)
 
     @property
     def mesh_order(self) -> float:
         """Order in space of that element."""
-        return order_of(self.solver, self.element)
+        return offer_of(self.solver).order_of(self.element)
 
     @property
     def step_order(self) -> float:
@@ -82,55 +81,6 @@ def offer_of(solver: str) -> Offer:
         return registry.offer_of(registry.load(solver))
     except AnctmmError:
         return Offer()
-
-
-def element_of(solver: str, asked: str) -> str:
-    """Name of the element that a solver uses for a requested one."""
-    return offer_of(solver).element_of(asked)
-
-
-def order_of(solver: str, asked: str) -> float:
-    """Order in space of the element that a solver uses for a requested one."""
-    return offer_of(solver).order_of(asked)
-
-
-@dataclass(frozen=True)
-class Reference:
-    """A solution that errors are measured against.
-
-    Parameters
-    ----------
-    name : str
-        Solver and settings; why there is none.
-    uncertainty : float
-        Of the reference itself, in the unit of the error.
-    solution : Solution, optional
-    probes : tuple
-        Where histories are compared.
-    """
-
-    name: str
-    uncertainty: float = nan
-    solution: Solution | None = None
-    probes: tuple[Probe, ...] = ()
-
-    def error_of(self, solution: Solution) -> float:
-        """Error of a solution; NaN of one that is not complete."""
-        if self.solution is None or not solution.status.ok:
-            return nan
-        return difference(solution, self.solution, self.probes)
-
-
-def difference(one: Solution, other: Solution, probes: Sequence[Probe]) -> float:
-    """Relative difference of two complete runs at probes: of displacements, of equilibria the last ones.
-
-    Where a probe rests and turns, of its angles.
-    """
-    if other.static:
-        moved = [_last_difference(one, other, probe) for probe in probes]
-    else:
-        moved = [compare(one, other, probes).error]
-    return worst([*moved, *(turn_difference(one, other, probe) for probe in probes)])
 
 
 class Refinement:
@@ -155,28 +105,12 @@ class Refinement:
     ) -> None:  # fmt: skip
         self.case, self.setup, self.runner = case, setup, runner
         self.meshes, self.steps, self.most_work = tuple(meshes), tuple(steps), most_work
+        self.chooses_mesh = not meshes and bool(case.scene.beams) and not KINDS[setup.element].rigid
+        self.chooses_step = not steps and not case.static
+        self.refines_mesh = self.chooses_mesh or len(self.meshes) > 1
+        self.refines_step = self.chooses_step or len(self.steps) > 1
         self._solutions: dict[tuple[int, int], Solution] = {}
         self._limits: dict[int, float] = {}
-
-    @property
-    def chooses_mesh(self) -> bool:
-        """Whether meshes are chosen."""
-        return not self.meshes and bool(self.case.scene.beams) and not KINDS[self.setup.element].rigid
-
-    @property
-    def chooses_step(self) -> bool:
-        """Whether steps are chosen."""
-        return not self.steps and not self.case.static
-
-    @property
-    def refines_mesh(self) -> bool:
-        """Whether there are meshes to compare."""
-        return self.chooses_mesh or len(self.meshes) > 1
-
-    @property
-    def refines_step(self) -> bool:
-        """Whether there are steps to compare."""
-        return self.chooses_step or len(self.steps) > 1
 
     @property
     def runs(self) -> int:
@@ -206,16 +140,11 @@ class Refinement:
 
     def trial(self, i: int, j: int) -> Trial:
         """The run of a level of mesh and one of step."""
-        setup, case = self.setup, self.case
-        return Trial(
-            case.scene, setup.solver, self.mesh_at(i), setup.element, setup.quadrature,
-            STATIC if case.static else setup.integrator, self.dt_at(i, j), case.duration, case.interval, setup.options,
+        s = self.setup
+        return Trial.of(
+            self.case, s.solver, self.mesh_at(i), element=s.element, quadrature=s.quadrature,
+            integrator=s.integrator, dt=self.dt_at(i, j), options=s.options,
         )  # fmt: skip
-
-    def work(self, i: int, j: int) -> float:
-        """Elements times steps of a level, or what an equilibrium counts as."""
-        trial = self.trial(i, j)
-        return trial.elements * STATIC_STEPS if self.case.static else trial.work
 
     def solution(self, i: int, j: int) -> Solution:
         """The run of a level, done once."""
@@ -245,30 +174,21 @@ class Refinement:
         """Refine mesh and step until the estimated error is no larger than a target, relative."""
         i = len(self.meshes) - 1 if self.meshes else int(self.chooses_mesh)
         j = len(self.steps) - 1 if self.steps else int(self.chooses_step)
-        best: Refined | None = None
-        failed: Refined | None = None
+        found: list[Refined] = []
         reason = ""
-        for _ in range(2 * MOST_HALVINGS):
-            if (self.chooses_mesh or self.chooses_step) and self.work(i, j) > self.most_work:
-                reason = f"a run of more than {self.most_work:.2g} elements times steps would be needed"
+        while not reason:
+            found.append(self._at(i, j, target))
+            if found[-1].reached or self._is_final(found[-1].solution.status):
                 break
-            found = self._at(i, j, target)
-            if best is None or not best.solution.status.ok or found.error <= best.error:
-                best = found
-            if found.reached or self._is_final(found.solution.status):
-                break
-            failed = failed if found.solution.status.ok else found
-            finer = self._finer(found)
+            finer = self._finer(found[-1])
             if finer == (i, j):
                 reason = "only the given mesh and step may be used"
-                break
+            elif self._work(*finer) > self.most_work:
+                reason = f"a run of more than {self.most_work:.2g} elements times steps would be needed"
             i, j = finer
-        best = best or self._at(i, j, target)
-        if not best.solution.status.ok:
-            reason = str(best.solution.status)
-        elif failed is not None and failed.i >= best.i and failed.j >= best.j:
-            reason = f"{failed.label} ends early ({failed.solution.status}), and {reason}"
-        return replace(best, reason="" if best.reached else reason)
+        complete = [one for one in found if one.solution.status.ok]
+        best = min(reversed(complete), key=lambda one: one.error) if complete else found[-1]
+        return replace(best, reason="" if best.reached else self._why_not(best, found, reason))
 
     def difference(self, one: Solution, other: Solution) -> float:
         """Relative difference of two runs at the case's probes; infinite where one is not complete."""
@@ -277,27 +197,34 @@ class Refinement:
         found = difference(one, other, self.case.probes)
         return found if isfinite(found) else inf
 
+    def _why_not(self, best: "Refined", found: Sequence["Refined"], reason: str) -> str:
+        """Why a target is not reached; a finer run that ended early is named."""
+        if not best.solution.status.ok:
+            return str(best.solution.status)
+        failed = [one for one in found if not one.solution.status.ok and one.i >= best.i and one.j >= best.j]
+        early = f"{failed[0].label} ends early ({failed[0].solution.status}), and " if failed else ""
+        return early + reason
+
+    def _work(self, i: int, j: int) -> float:
+        """Elements times steps of a level, or what an equilibrium counts as."""
+        trial = self.trial(i, j)
+        return trial.elements * STATIC_STEPS if self.case.static else trial.work
+
     def _is_final(self, status: Status) -> bool:
         """Whether neither a finer mesh nor a shorter step changes how a run ends."""
-        explicit = self.setup.integrator == "zhai" and "stable" in status.message
+        explicit = self.setup.integrator == EXPLICIT and "stable" in status.message
         raised = not status.ok and "Error: " in status.message  # by a function of the user's scene
         return status.code in FINAL or raised or (status.code == "refused" and not explicit)
 
     def _at(self, i: int, j: int, target: float) -> "Refined":
-        if self.runner.spread or self.solution(i, j).status.ok:
-            around = [level for level in self._around(i, j) if level not in self._solutions]
-            found = self.runner.solve_many(self.trial(*level) for level in around)
-            self._solutions |= dict(zip(around, found, strict=True))
-        complete = self.solution(i, j).status.ok
-        bad = Part(inf)
-        mesh, step = (self.mesh_part(i, j), self.step_part(i, j)) if complete else (bad, bad)
-        return Refined(self, i, j, mesh, step, complete and mesh.error + step.error <= target, target)
-
-    def _around(self, i: int, j: int) -> list[tuple[int, int]]:
-        """Levels whose runs estimate the error of one."""
-        coarser_meshes = [(k, j) for k in (i - 1, i - 2) if k >= 0 and self.refines_mesh]
-        coarser_steps = [(i, k) for k in (j - 1, j - 2) if k >= 0 and self.refines_step]
-        return [(i, j), *coarser_meshes, *coarser_steps]
+        if not self.solution(i, j).status.ok:
+            return Refined(self, i, j, Part(inf), Part(inf), target)
+        coarser = [(k, j) for k in (i - 1, i - 2) if k >= 0 and self.refines_mesh]
+        longer = [(i, k) for k in (j - 1, j - 2) if k >= 0 and self.refines_step]
+        new = [level for level in (*coarser, *longer) if level not in self._solutions]
+        found = self.runner.solve_many(self.trial(*level) for level in new)
+        self._solutions |= dict(zip(new, found, strict=True))
+        return Refined(self, i, j, self.mesh_part(i, j), self.step_part(i, j), target)
 
     def _finer(self, found: "Refined") -> tuple[int, int]:
         """The next level: the larger part of the error is refined, both where each alone is too large."""
@@ -318,27 +245,23 @@ class Refinement:
 
     def _part(self, runs: Sequence[Solution], theory: float, spacing: Spacing) -> Part:
         """The error of the first of runs on levels from fine to coarse."""
-        if not runs:
-            return Part()
         if len(runs) < 2:
-            return Part(inf)
+            return Part(inf) if runs else Part()
         before = self.difference(runs[2], runs[1]) if len(runs) > 2 else nan
         return part_of(self.difference(runs[1], runs[0]), before, theory, spacing)
 
     def _longest_step(self, i: int) -> float:
         """Step of the coarsest level, s, a whole part of the interval of output."""
-        limit = inf
-        if self.setup.integrator == "zhai":
-            mesh = Trial(self.case.scene, self.setup.solver, self.mesh_at(i)).by_body
-            limit = explicit_limit(
-                self.case, mesh, element=self.setup.element, quadrature=self.setup.quadrature
-            )
-        return longest_step(self.case, limit)
+        if self.setup.integrator != EXPLICIT:
+            return longest_step(self.case)
+        mesh = Trial(self.case.scene, self.setup.solver, self.mesh_at(i)).by_body
+        options = {"element": self.setup.element, "quadrature": self.setup.quadrature}
+        return longest_step(self.case, explicit_limit(self.case, mesh, **options))
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A run with the estimate of its error.
+    """A run with the estimate of its error: also a reference for the errors of other runs.
 
     Parameters
     ----------
@@ -348,11 +271,9 @@ class Refined:
         Its levels of mesh and step.
     mesh, step : Part
         Parts of its error.
-    reached : bool
-        Whether the estimated error is no larger than the target.
     target : float
     reason : str
-        Why it is not reached.
+        Why the target is not reached.
     """
 
     levels: Refinement
@@ -360,7 +281,6 @@ class Refined:
     j: int
     mesh: Part
     step: Part
-    reached: bool
     target: float
     reason: str = ""
 
@@ -368,6 +288,11 @@ class Refined:
     def error(self) -> float:
         """Estimated, of mesh and step together; infinite where nothing is known."""
         return self.mesh.error + self.step.error
+
+    @property
+    def reached(self) -> bool:
+        """Whether the estimated error is no larger than the target."""
+        return self.solution.status.ok and self.error <= self.target
 
     @property
     def solution(self) -> Solution:
@@ -384,15 +309,62 @@ class Refined:
         """The run in words."""
         trial = self.trial
         step = "" if self.levels.case.static else f" dt={trial.dt:.4g}"
-        mesh = f" {trial.cut} {trial.element}" if trial.scene.beams else ""
+        mesh = f" {trial.cut} {self.levels.setup.own_element}" if trial.scene.beams else ""
         return f"{trial.solver} {trial.integrator}{mesh}{step}"
 
     @property
-    def reference(self) -> Reference:
-        """The run as a reference for errors."""
-        if not self.solution.status.ok or not isfinite(self.error):
-            return Reference(f"none: {self.label}: {self.reason or 'no coarser run is complete'}")
-        return Reference(self.label, self.error, self.solution, self.levels.case.probes)
+    def parts(self) -> str:
+        """Estimated parts of the error in words; empty where nothing is refined."""
+        refined = ("mesh", self.levels.refines_mesh, self.mesh), ("step", self.levels.refines_step, self.step)
+        return ", ".join(f"{name} {part.error:.1g}" for name, known, part in refined if known)
+
+    @property
+    def known(self) -> bool:
+        """Whether its error is known, so that it is a reference."""
+        return self.solution.status.ok and isfinite(self.error)
+
+    @property
+    def uncertainty(self) -> float:
+        """Of the reference: its error; NaN where that is not known."""
+        return self.error if self.known else nan
+
+    @property
+    def name(self) -> str:
+        """Of the reference: solver and settings, or why there is none."""
+        return (
+            self.label if self.known else f"none: {self.label}: {self.reason or 'no coarser run is complete'}"
+        )
+
+    def error_of(self, solution: Solution) -> float:
+        """Error of a solution against this one; NaN where one of them is not complete."""
+        if not (self.known and solution.status.ok):
+            return nan
+        return difference(solution, self.solution, self.levels.case.probes)
+
+
+def difference(one: Solution, other: Solution, probes: Sequence[Probe]) -> float:
+    """Relative difference of two complete runs: the largest over the probes of RMS in time over the maximum in time.
+
+    It is that of displacements, of equilibria the last ones; where a probe rests and turns, that of its angles. NaN
+    where the runs have no two times in common.
+    """
+    mine, theirs = common_times(one.t, other.t)
+    if other.static:
+        mine = theirs = np.array([-1])
+    elif mine.size < 2:
+        return nan
+
+    def at(probe: Probe) -> float:
+        turn = turn_at_rest(other, probe)
+        if turn is None:
+            u, v = one.displacement(probe)[mine], other.displacement(probe)[theirs]
+            return history_error(u, v, rounding_at(other, probe))
+        try:
+            return history_error(one.angle(probe)[mine, None], turn[theirs, None])
+        except ResultError:  # not every solver gives angles
+            return 0.0
+
+    return worst(map(at, probes))
 
 
 def rests(solution: Solution, probe: Probe) -> bool:
@@ -410,27 +382,3 @@ def turn_at_rest(solution: Solution, probe: Probe) -> Any:
     except ResultError:
         return None
     return angle if np.abs(angle).max(initial=0.0) > TURNED else None
-
-
-def turn_difference(one: Solution, other: Solution, probe: Probe) -> float:
-    """Relative difference of the angles of a probe that rests: RMS in time, of equilibria at the last.
-
-    Zero of a probe that moves, or does not turn in the second solution, and where a solver gives no angles.
-    """
-    known = turn_at_rest(other, probe)
-    if known is None:
-        return 0.0
-    try:
-        found = one.angle(probe)
-    except ResultError:
-        return 0.0
-    mine, theirs = common_times(one.t, other.t)
-    apart = found[mine] - known[theirs]
-    size = float(np.abs(known[theirs]).max())
-    return float(abs(apart[-1]) if other.static else np.sqrt(np.mean(apart**2))) / size
-
-
-def _last_difference(one: Solution, other: Solution, probe: Probe) -> float:
-    """Difference of the last displacements of two equilibria, relative to them; of a place that rests in m."""
-    u, v = one.displacement(probe)[-1:], other.displacement(probe)[-1:]
-    return history_error(u, v, rounding_at(other, probe))

@@ -15,10 +15,8 @@ from scipy.optimize import brentq
 
 #: Factor of Richardson's estimate, and of a difference where the order is not that of theory, to so much.
 SAFETY, UNSURE, NEAR = 1.5, 2.0, 0.7
-#: Orders that are looked for where levels are not evenly spaced.
-LOWEST, HIGHEST = 0.01, 30.0
-#: Order of a single number that is believed at most.
-MOST_ORDER = 2.0
+#: Orders that are looked for where levels are not evenly spaced; order of a single number that is believed at most.
+LOWEST, HIGHEST, BELIEVED = 0.01, 30.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -55,8 +53,6 @@ class Part:
     ----------
     error : float
         Estimated, with its safety factor; infinite where no coarser run is complete, zero where nothing is refined.
-    difference : float
-        From the run on the next coarser mesh or step; NaN without one.
     order : float
         Observed; NaN where it cannot be.
     sure : bool
@@ -66,7 +62,6 @@ class Part:
     """
 
     error: float = 0.0
-    difference: float = nan
     order: float = nan
     sure: bool = False
     spacing: Spacing = Spacing()
@@ -83,10 +78,11 @@ def part_of(last: float, before: float, theory: float, spacing: Spacing) -> Part
         Order that the error should have.
     spacing : Spacing
     """
-    order = spacing.order(before / last) if 0.0 < last < inf and 0.0 < before < inf else nan
+    known = 0.0 < last < inf and isfinite(before)
+    order = spacing.order(before / last) if known else nan
     sure = abs(order - theory) <= NEAR
     factor = SAFETY * spacing.left(min(order, theory)) if sure else UNSURE * spacing.left(1.0)
-    return Part(factor * last, last if isfinite(last) else nan, order, sure, spacing)
+    return Part(factor * last, order, sure, spacing)
 
 
 def left_in(numbers: Sequence[float], part: Part) -> float:
@@ -95,20 +91,14 @@ def left_in(numbers: Sequence[float], part: Part) -> float:
     Two differences of one sign show the order at which the number itself converges. It is believed where the order of
     the history is near that of theory; elsewhere the last difference is taken, or that which second order would have
     left of the one before, if that is more: two runs may agree by chance.
-
-    Parameters
-    ----------
-    numbers : sequence of float
-    part : Part
-        Of the history, over the same levels.
     """
     if len(numbers) < 2:
         return 0.0
     spacing = part.spacing
     last = numbers[0] - numbers[1]
     before = numbers[1] - numbers[2] if len(numbers) > 2 else last
-    size = max(abs(last), abs(before) / spacing.ratio(MOST_ORDER))
+    size = max(abs(last), abs(before) / spacing.ratio(BELIEVED))
     if not part.sure:
         return UNSURE * size * spacing.left(1.0)
     regular = last * before > 0.0 and abs(before) >= spacing.ratio(1.0) * abs(last)
-    return SAFETY * size * spacing.left(min(spacing.order(before / last), MOST_ORDER) if regular else 1.0)
+    return SAFETY * size * spacing.left(min(spacing.order(before / last), BELIEVED) if regular else 1.0)

@@ -1,20 +1,15 @@
 """The interface of studies, and the list of all studies."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
 
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
-from studies.engine.files import file_names
-from studies.engine.pictures import Picture
-
-if TYPE_CHECKING:
-    from studies.engine.runner import Runner
-    from studies.engine.tables import Table
-    from studies.engine.trials import Mesh
+from studies.engine.runner import Runner
+from studies.engine.tables import Table
+from studies.engine.trials import Mesh, mesh_label
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
@@ -42,7 +37,7 @@ TAKEN = {
 
 
 class StudyError(AnctmmError, ValueError):
-    """A study or one of its options is unknown."""
+    """A study or one of its options is unknown, or does not fit a case."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +60,7 @@ class Options:
     """
 
     quick: bool = False
-    meshes: "tuple[Mesh, ...] | None" = None
+    meshes: tuple[Mesh, ...] | None = None
     steps: tuple[float, ...] | None = None
     solvers: tuple[str, ...] | None = None
     cases: tuple[Case, ...] | None = None
@@ -81,15 +76,21 @@ class Options:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A drawing with its name (of the file) and its caption; `studies.report.plots` draws it."""
+
+    name: str
+    caption: str
+    svg: str
+
+
+@dataclass(frozen=True)
 class Answer:
     """A card of the page: a question, the number that answers it, and a conclusion in a sentence."""
 
     question: str
     figure: str
     take: str
-
-    def __str__(self) -> str:
-        return " ".join(filter(None, (self.question, f"{self.figure}:" if self.figure else "", self.take)))
 
 
 @dataclass(frozen=True)
@@ -119,21 +120,16 @@ class Result:
     question: str
     findings: tuple[str, ...]
     assumptions: tuple[str, ...]
-    tables: "tuple[Table, ...]"
+    tables: tuple[Table, ...]
     pictures: tuple[Picture, ...] = ()
     answers: tuple[Answer | str, ...] = ()
     shown: tuple[str, ...] = ()
     left_out: str = ""
     good: bool = True
 
-    def table(self, name: str) -> "Table":
+    def table(self, name: str) -> Table:
         """The table of a name."""
         return next(t for t in self.tables if t.name == name)
-
-
-def answers_of(result: Result) -> list[Answer]:
-    """Cards of a result."""
-    return [a if isinstance(a, Answer) else Answer(result.question, "", a) for a in result.answers]
 
 
 def check_taken(options: Options, study: str) -> None:
@@ -143,71 +139,50 @@ def check_taken(options: Options, study: str) -> None:
     ------
     StudyError
         Naming the option, and the studies with that option.
-    OutputError
-        If files of two cases would have one name.
     """
-    file_names(case.name for case in options.cases or ())
-    taken = TAKEN.get(study, RANGES)
     for name, typed in TYPED.items():
-        if name not in taken and getattr(options, name) is not None:
-            takers = [other for other, names in TAKEN.items() if name in names]
-            raise StudyError(
-                f"study {study!r} takes no {typed}; studies with it: {', '.join(takers)}, and `run`"
-            )
+        if name not in TAKEN.get(study, RANGES) and getattr(options, name) is not None:
+            takers = ", ".join(other for other, names in TAKEN.items() if name in names)
+            raise StudyError(f"study {study!r} takes no {typed}; studies with it: {takers}, and `run`")
 
 
-def check_mesh(scene: Scene, mesh: "Mesh") -> None:
-    """Refuse a mesh that fits neither all beams nor each."""
+def check_fits(options: Options, case: Case) -> None:
+    """Refuse options that do nothing for a case, and meshes that fit neither all of its beams nor each.
+
+    Raises
+    ------
+    StudyError
+    """
+    given = [TYPED[name] for name in ("meshes", "element") if getattr(options, name) is not None]
+    if given and not case.scene.beams:
+        raise StudyError(
+            f"{given[0]} is for elements of beams; scene {case.name!r} has no beams: leave it out"
+        )
+    if case.static and options.integrator is not None:
+        raise StudyError(
+            f"--integrator is for steps of motions; scene {case.name!r} is a static equilibrium: leave it out"
+        )
+    if case.static and options.steps:
+        raise StudyError(
+            f"--dt is {options.steps[0]:g} s for {case.name!r}, a static equilibrium, which has no step; "
+            "--case NAME chooses a motion, --elements its meshes"
+        )
+    for mesh in options.meshes or ():
+        _check_mesh(case.scene, mesh)
+
+
+def _check_mesh(scene: Scene, mesh: Mesh) -> None:
     names = [body.name for body in scene.beams]
     if len(mesh) not in (1, len(names)):
         allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
-        given = "/".join(map(str, mesh))
         raise StudyError(
-            f"--elements has {given!r}; scene {scene.name!r} needs {allowed} numbers, for {'/'.join(names)}"
+            f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {allowed} numbers, "
+            f"for {'/'.join(names)}"
         )
 
 
-def without_beams(cases: Iterable[Case], options: Options) -> list[str]:
-    """Of each case without beams a sentence that options about elements do nothing for it; none where none is given.
-
-    Raises
-    ------
-    StudyError
-        If no case has beams: then they do nothing at all.
-    """
-    given = [TYPED[name] for name in ("meshes", "element") if getattr(options, name) is not None]
-    cases = tuple(cases) if given else ()
-    none = [case.name for case in cases if not case.scene.beams]
-    return _in_vain(f"{' and '.join(given)}: for elements of beams", cases, none, "has no beams")
-
-
-def without_motion(cases: Iterable[Case], options: Options) -> list[str]:
-    """Of each static case a sentence that an integrator does nothing for it; none where none is given.
-
-    Raises
-    ------
-    StudyError
-        If no case moves: then it does nothing at all.
-    """
-    cases = tuple(cases) if options.integrator is not None else ()
-    resting = [case.name for case in cases if case.static]
-    return _in_vain(f"{TYPED['integrator']}: for steps of motions", cases, resting, "is a static equilibrium")
-
-
-def _in_vain(what: str, cases: Sequence[Case], names: list[str], why: str) -> list[str]:
-    """Sentences on the cases for which options do nothing, refused if these are all."""
-    if names and len(names) == len(cases):
-        raise StudyError(f"{what}; scene {', '.join(names)} {why}: leave it out")
-    return [f"{name}: {what}, and it {why}." for name in names]
-
-
-def of_case(options: Options, case: Case) -> Options:
-    """The options for one of several cases: without beams there are no elements to choose."""
-    return options if case.scene.beams else replace(options, meshes=None, element=None)
-
-
-def known(name: str) -> str:
-    """The module of a study.
+def find(name: str) -> Callable[[Options, Runner], Result]:
+    """The `run` of a study.
 
     Raises
     ------
@@ -216,9 +191,4 @@ def known(name: str) -> str:
     """
     if name not in STUDIES:
         raise StudyError(f"study {name!r} is unknown; allowed are {', '.join(STUDIES)}")
-    return STUDIES[name][0]
-
-
-def find(name: str) -> "Callable[[Options, Runner], Result]":
-    """The `run` of a study; errors as of `known`."""
-    return import_module(known(name)).run  # type: ignore[no-any-return]
+    return import_module(STUDIES[name][0]).run  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""Tables: tidy frames as CSV and Markdown, and cells for people."""
+"""Tables: tidy frames as CSV, Markdown and on a terminal, and cells for people."""
 
 import json
 from collections.abc import Mapping
@@ -9,20 +9,13 @@ from typing import Any
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
+from rich import box
+from rich.console import Console
+from rich.table import Table as RichTable
+from rich.text import Text
 
 from studies.engine import provenance
 from studies.engine.files import atomic_write
-
-__all__ = [
-    "Table",
-    "atomic_write",
-    "error_text",
-    "for_people",
-    "markdown",
-    "text",
-    "write_machine",
-    "write_table",
-]
 
 BUILD = (
     "build_s: CPU time of a call beside its steps: building the system before them, the answer and its checks after "
@@ -63,21 +56,9 @@ class Table:
     place: str = "page"
 
 
-def failed(frame: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the runs that are not complete; "ok: …" is a complete run with a remark."""
-    return frame[frame["status"].str.split(":").str[0] != "ok"]
-
-
 def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     """Rows of a frame."""
     return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]
-
-
-def text(value: Any) -> str:
-    """A cell to be read: five digits of a float, nothing for a NaN."""
-    if isinstance(value, float):
-        return "" if isnan(value) else f"{value:.5g}"
-    return str(value)
 
 
 def times(ratio: float) -> str:
@@ -96,32 +77,35 @@ def error_text(line: Mapping[Any, Any], name: str = "error", form: str = ".2g") 
     return f"< {known:{form}}" if 0.0 < error < known else f"{error:{form}}"
 
 
+def cell(value: Any, form: str = ".3g") -> str:
+    """A value to be read: three digits of a float, a whole one with all of them, nothing for a NaN."""
+    if not isinstance(value, float):
+        return str(value)
+    if isnan(value):
+        return ""
+    return f"{value:.0f}" if value.is_integer() and abs(value) < 1e6 else f"{value:{form}}"
+
+
 def for_people(frame: pd.DataFrame) -> pd.DataFrame:
     """A frame whose errors are shown as below the uncertainty of their reference, where they are."""
     for name, known in KNOWN_TO.items():
         if {name, known} <= set(frame.columns):
             below = (frame[name] > 0.0) & (frame[name] < frame[known])
+            words = frame[known].map("< {:.2g}".format)
             if below.any():
-                words = frame[known].map("< {:.2g}".format)
                 frame = frame.assign(**{name: frame[name].astype(object).mask(below, words)})
     return frame
 
 
-def cells(frame: pd.DataFrame) -> list[list[str]]:
-    """All cells of a frame as text."""
-    return [[text(v) for v in record] for record in frame.itertuples(index=False, name=None)]
-
-
 def markdown(table: Table) -> str:
     """The table with its title, its notes, the commit and the machine."""
-    columns = [str(c) for c in table.frame.columns]
-    body = [[c.replace("|", "\\|") for c in line] for line in cells(for_people(table.frame))]
+    cells = for_people(table.frame).map(lambda value: cell(value, ".5g").replace("|", "\\|"))
     rule = ["---:" if is_numeric_dtype(t) else "---" for t in table.frame.dtypes]
-    lines = ["| " + " | ".join(line) + " |" for line in [columns, rule, *body]]
+    rows = [list(map(str, cells.columns)), rule, *cells.to_numpy().tolist()]
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
     notes = [f"- {note}" for note in table.notes]
-    return "\n".join(
-        [f"# {table.title}", "", f"Computed by {provenance.stamp()}.", "", *notes, "", *lines, ""]
-    )
+    head = [f"# {table.title}", "", f"Computed by {provenance.stamp()}.", "", *notes, ""]
+    return "\n".join([*head, *lines, ""])
 
 
 def write_table(table: Table, folder: Path, readable: bool = True) -> None:
@@ -139,3 +123,23 @@ def write_machine(folder: Path) -> None:
         "versions": provenance.versions(),
     }
     atomic_write(folder / "machine.json", json.dumps(facts, indent=2) + "\n")
+
+
+def say(console: Console, text: str, style: str = "") -> None:
+    """Print a sentence as it is: brackets mean nothing; in a pipe or a file it is one line."""
+    console.print(Text(text, style), highlight=False, soft_wrap=not console.is_terminal)
+
+
+def rich_table(title: str, columns: Mapping[str, bool]) -> RichTable:
+    """An empty table for a terminal, of columns by name and whether they are on the right."""
+    shown = RichTable(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    for name, right in columns.items():
+        shown.add_column(name, justify="right" if right else "left", header_style="dim")
+    return shown
+
+
+def show_table(console: Console, table: RichTable) -> None:
+    """Print a table; in a pipe or a file with all of its columns, however wide."""
+    if not console.is_terminal:
+        console.width = max(console.width, 200)
+    console.print(table)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,20 +26,19 @@ class Timing:
 
     Parameters
     ----------
-    cpu_s, wall_s : float
-        Of the steps, s.
+    cpu_s : float
+        CPU time of the steps, s.
     cpu_spread : float
-        (largest − smallest) / cpu_s of the CPU time; NaN for one sample.
-    repeats : int
+        (largest − smallest) / cpu_s; NaN for one sample.
     build_s : float
         CPU time of the calls beside their steps, s; NaN where a solver does not give it.
+    repeats : int
     """
 
     cpu_s: float
-    wall_s: float
     cpu_spread: float
+    build_s: float
     repeats: int
-    build_s: float = float("nan")
 
 
 @contextmanager
@@ -69,25 +68,11 @@ def pinned() -> Iterator[None]:
         os.sched_setaffinity(0, allowed)
 
 
-def summarise(costs: Sequence[Cost], statistic: Callable[[Any], Any] = np.median) -> Timing:
-    """A statistic, by default the median, and the spread of the samples of one run."""
-    cpu = np.array([c.cpu_s for c in costs])
-    if not cpu.size:
-        return Timing(np.nan, np.nan, np.nan, 0)
-    cpu_s, wall, build = (
-        float(statistic([getattr(c, name) for c in costs])) for name in ("cpu_s", "wall_s", "build_s")
-    )
-    spread = float(np.ptp(cpu) / cpu_s) if cpu.size > 1 and cpu_s > 0.0 else float("nan")
-    return Timing(cpu_s, wall, spread, len(cpu), build)
-
-
 def least(costs: Sequence[Cost]) -> Timing:
-    """The least of the samples of runs that are compared in turn: no disturbance makes a run faster than it is.
-
-    Of two measurements on one machine, the ratios of two solvers differed by 7 % in the mean where they were of the
-    least of five runs, and by 17 % where they were of the medians.
-    """
-    return summarise(costs, np.min)
+    """The least of the samples of runs that are compared in turn: no disturbance makes a run faster than it is."""
+    cpu = np.array([cost.cpu_s for cost in costs])
+    spread = float(np.ptp(cpu) / cpu.min()) if cpu.size > 1 and cpu.min() > 0.0 else float("nan")
+    return Timing(float(cpu.min()), spread, float(np.min([c.build_s for c in costs])), len(cpu))
 
 
 def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
@@ -98,9 +83,7 @@ def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
 
 
 def in_turn(
-    calls: Mapping[str, Callable[[], Sample]],
-    rounds: int,
-    warm: Mapping[str, Callable[[], object]] | None = None,
+    calls: Mapping[str, Callable[[], Sample]], rounds: int, warm: Mapping[str, Callable[[], object]]
 ) -> dict[str, list[Sample]]:
     """Call several contestants in turn, on one core, after one unmeasured round: all meet the same disturbances.
 
@@ -110,8 +93,8 @@ def in_turn(
         Each measures itself: returns a time, or a Solution with its cost.
     rounds : int
         Measured rounds.
-    warm : mapping of name to callable, optional
-        Called in the unmeasured round, where that need not be as long as the others.
+    warm : mapping of name to callable
+        Called in the unmeasured round, which need not be as long as the others.
 
     Returns
     -------
@@ -120,7 +103,7 @@ def in_turn(
     """
     found: dict[str, list[Sample]] = {name: [] for name in calls}
     with undisturbed():
-        for begin in (calls if warm is None else warm).values():  # what compiles may use every core
+        for begin in warm.values():  # what compiles may use every core
             begin()
         with pinned():
             for _ in range(rounds):

@@ -1,11 +1,12 @@
 """One run of one solver; every failure becomes a solution with a status."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, SolverError
+from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.ended_early import nothing
 from anctmm.results.solution import Solution
@@ -19,6 +20,9 @@ STATIC = "static"
 #: Elements of a scene without beams in tables.
 NO_BEAMS = "-"
 Mesh = tuple[int, ...]
+Given = tuple[tuple[str, Any], ...]
+#: Options that a discretisation takes; others are keyword arguments of one solver.
+SHARED = {field.name for field in fields(Discretisation) if field.init}
 #: Kinds of runs that this process has done, whose code is compiled and loaded.
 _warm: set[tuple[Any, ...]] = set()
 
@@ -39,10 +43,8 @@ class Trial:
     dt, t_end, output_dt : float
         s; of no meaning for statics.
     options : tuple of (str, value)
-        Further options of the discretisation, or of the static solver; a `tolerance` among them takes the place
-        of `dt`, which is then NaN.
-    own : tuple of (str, value)
-        Keyword arguments of the solver that no other has; not for statics.
+        Further options of the discretisation (a `tolerance` takes the place of `dt`), of the static solver, and
+        keyword arguments that only this solver has.
     """
 
     scene: Scene
@@ -54,8 +56,16 @@ class Trial:
     dt: float = float("nan")
     t_end: float = 0.0
     output_dt: float = 0.0
-    options: tuple[tuple[str, Any], ...] = ()
-    own: tuple[tuple[str, Any], ...] = ()
+    options: Given = ()
+
+    @classmethod
+    def of(cls, case: Case, solver: str, mesh: Mesh, **setting: Any) -> "Trial":
+        """A run of a case over its whole duration."""
+        integrator = setting.pop("integrator", cls.integrator)
+        return cls(
+            case.scene, solver, mesh, integrator=STATIC if case.static else integrator, t_end=case.duration,
+            output_dt=case.interval, **setting,
+        )  # fmt: skip
 
     @property
     def cut(self) -> str:
@@ -103,7 +113,8 @@ class Trial:
         step: dict[str, Any] = {} if self.error_controlled else {"dt": self.dt}
         return Discretisation(
             mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
-            t_end=self.t_end, output_dt=self.output_dt, **step, **dict(self.options),
+            t_end=self.t_end, output_dt=self.output_dt, **step,
+            **{name: value for name, value in self.options if name in SHARED},
         )  # fmt: skip
 
     def solve(self, solver: Solver) -> Solution:
@@ -118,18 +129,15 @@ class Trial:
             raise SolverError(f"solver {self.solver!r} answered {told(solution)}; a Solution is needed")
         return solution
 
+    @property
+    def own(self) -> Given:
+        """Options that only this solver has."""
+        return tuple((name, value) for name, value in self.options if name not in SHARED)
+
     def warm_up(self, solver: Solver) -> None:
         """Compile and load what the run needs, by two steps (or the statics)."""
-        element = self.element if isinstance(self.element, str) else tuple(self.element.values())
-        kind = (
-            self.solver,
-            self.scene.name,
-            element,
-            self.quadrature,
-            self.integrator,
-            self.own,
-            self.error_controlled,
-        )
+        about = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator
+        kind = (*about, self.own, self.error_controlled)
         if kind not in _warm:
             step = self.output_dt if self.error_controlled else self.dt
             short = self if self.integrator == STATIC else replace(self, t_end=2 * step, output_dt=step)
@@ -149,18 +157,19 @@ def solved(trial: Trial, resolve: Callable[[str], Solver] = registry.solver) -> 
             trial.warm_up(solver)
             return settled(lambda: trial.solve(solver))
 
-    return guarded(trial.solver, trial.scene, solve)
+    return guarded(trial, solve)
 
 
-def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solution:
+def guarded(trial: Trial, solve: Callable[[], Solution]) -> Solution:
     """Answer of `solve`; whatever it raises becomes a solution with that status."""
     try:
         with contained():
             return solve()
     except AnctmmError as error:
-        return nothing(solver, scene, None, Status("refused", _one_line(error)))
+        status = Status("refused", " ".join(str(error).split()))
     except Exception as error:  # one broken solver must not end a study
-        return nothing(solver, scene, None, Status("failed", f"{type(error).__name__}: {_one_line(error)}"))
+        status = Status("failed", f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return nothing(trial.solver, trial.scene, None, status)
 
 
 def not_installed(status: Status) -> bool:
@@ -174,13 +183,8 @@ def mesh_label(mesh: Mesh) -> str:
 
 
 def product(
-    scene: Scene, solvers: Iterable[str], meshes: Iterable[Mesh], steps: Iterable[float] = (float("nan"),),
-    **common: Any,
-) -> list[Trial]:  # fmt: skip
+    scene: Scene, solvers: Iterable[str], meshes: Iterable[Mesh], steps: Iterable[float], **common: Any
+) -> list[Trial]:
     """Trials of solver × mesh × step, the rest in common."""
     steps, solvers = tuple(steps), tuple(solvers)
     return [Trial(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())

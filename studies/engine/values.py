@@ -16,7 +16,7 @@ from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.results.metrics import EPS, ROUNDINGS
 from anctmm.results.solution import Solution
-from studies.engine.places import place_texts
+from studies.cases import place_name
 from studies.engine.refinement import Refined
 from studies.engine.richardson import left_in
 from studies.engine.tables import Table
@@ -25,8 +25,8 @@ from studies.engine.tables import Table
 SHARE = 0.2
 #: Rounding of a number, in parts of the numbers that it is the difference of.
 ROUNDING = ROUNDINGS * EPS
-#: Digits that are counted at most; of a value whose uncertainty is not known.
-MOST_DIGITS, DIGITS = 12, 6
+#: Digits that are counted at most.
+MOST_DIGITS = 12
 AT_OUTPUTS = "at the outputs"
 OUTPUTS_NOTE = (
     f"{AT_OUTPUTS}: between two of them it may be larger, by more than the uncertainty; a smaller output_dt of the "
@@ -64,9 +64,9 @@ class Value:
 
     @property
     def text(self) -> str:
-        """The value to its last sure digit, with its uncertainty and unit."""
+        """The value to the first digit of its uncertainty, with that and the unit."""
         if not isfinite(self.uncertainty):
-            return f"{self.value:.{DIGITS}g} {self.unit}"
+            return f"{self.value:.6g} {self.unit}"
         about = f"{self.uncertainty:.1g}"
         if 10.0 <= self.uncertainty < 1e6:  # no power of ten where the number is as short
             about = f"{float(about):.0f}"
@@ -78,12 +78,11 @@ def rounded(value: float, uncertainty: float) -> str:
     if not uncertainty > 0.0:
         return f"{value:.12g}"
     place = -floor(log10(float(f"{uncertainty:.1g}")))  # 0.00096 is shown as 0.001
-    if abs(value) < 0.5 * uncertainty:  # no digit holds
-        return f"{0.0:.{min(place, 11)}f}" if 0 <= place <= 6 else "0"
     first = floor(log10(abs(value))) if value else -place
+    decimals = min(place, MOST_DIGITS - 1 - first)
     if first < -4 or first > 6:
-        return f"{value:.{min(max(first + place, 0), 11)}e}"
-    return f"{round(value, place) if place < 0 else value:.{max(min(place, 11 - first), 0)}f}"
+        return f"{value:.{max(first + decimals, 0)}e}"
+    return f"{round(value, decimals):.{max(decimals, 0)}f}"
 
 
 Reading = Callable[[Solution, Case], Iterator[tuple[Value, float]]]
@@ -94,15 +93,14 @@ def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     """For each probe its place and its angle at the end, and its largest displacement."""
     if not len(solution.t):
         return
-    largest = largest_of("displacement", case)
     when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
-    for probe, name in place_texts(case.probes).items():
-        path = solution.position(probe)
+    for probe in case.probes:
+        path, name = solution.position(probe), place_name(probe)
         moved = float(np.linalg.norm(path - path[0], axis=1).max())
         least = ROUNDING * max(case.scene.length, float(np.abs(path).max()))
         yield Value(name, f"x {when}", "m", float(path[-1, 0]), least), moved
         yield Value(name, f"y {when}", "m", float(path[-1, 1]), least), moved
-        yield Value(name, largest, "m", moved, least), moved
+        yield Value(name, largest_of("displacement", case), "m", moved, least), moved
         if isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
             continue
         with suppress(ResultError):  # not every solver gives angles
@@ -119,11 +117,15 @@ def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     """
     if not len(solution.t):
         return
-    every = list(_series(solution, case))
-    sizes = {unit: max((s.size for s in every if s.unit == unit), default=0.0) for unit in ("N", "N m")}
-    least = {"N": ROUNDING * sizes["N"], "N m": ROUNDING * max(sizes["N m"], sizes["N"] * case.scene.length)}
-    for series in every:
-        yield series.largest(solution, case, least[series.unit]), series.size
+    every = [(*about, values, float(np.abs(values).max())) for *about, values in _series(solution, case)]
+    force = max((size for _, _, unit, _, size in every if unit == "N"), default=0.0)
+    moment = max((size for _, _, unit, _, size in every if unit == "N m"), default=0.0)
+    least = {"N": ROUNDING * force, "N m": ROUNDING * max(moment, force * case.scene.length)}
+    for name, what, unit, values, size in every:
+        k = len(values) - 1 if case.static else int(np.abs(values).argmax())
+        when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
+        quantity = f"{what} {when}" if case.static else f"{largest_of(what, case)}, {when}"
+        yield Value(name, quantity, unit, float(values[k]), least[unit]), size
 
 
 def largest_of(what: str, case: Case) -> str:
@@ -142,17 +144,23 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
     """
     case, levels = found.levels.case, found.levels
     own = list(read(found.solution, case))
-    if not (levels.estimates and isfinite(found.error) and found.solution.status.ok):
+    if not (levels.estimates and found.known):
         return [replace(value, uncertainty=nan) for value, _ in own]
+
+    def numbers(runs: Sequence[Solution]) -> list[list[float]]:
+        complete = takewhile(lambda run: run.status.ok, runs)
+        return [[value.value for value, _ in read(run, case)] for run in complete]
+
     place = found.i, found.j
-    refined = [
-        (_numbers(runs, case, read), part)
-        for runs, part in ((levels.mesh_runs(*place), found.mesh), (levels.step_runs(*place), found.step))
-    ]
+    refined = (
+        (numbers(levels.mesh_runs(*place)), found.mesh),
+        (numbers(levels.step_runs(*place)), found.step),
+    )
     values = []
     for k, (value, size) in enumerate(own):
-        apart = sum(left_in([numbers[k] for numbers in runs], part) for runs, part in refined)
-        values.append(replace(value, uncertainty=max(apart, SHARE * found.error * size, value.uncertainty)))
+        apart = sum(left_in([run[k] for run in runs], part) for runs, part in refined)
+        least = max(SHARE * found.error * size, value.uncertainty)
+        values.append(replace(value, uncertainty=max(apart, least)))
     return values
 
 
@@ -162,63 +170,29 @@ def values_table(values: Sequence[Value]) -> Table:
     frame = pd.DataFrame([vars(v) for v in values], columns=columns)
     notes = (
         "uncertainty: an estimate of the errors of mesh and step, from coarser runs; none where it was not estimated.",
-        *([OUTPUTS_NOTE] if any(AT_OUTPUTS in value.quantity for value in values) else []),
+        OUTPUTS_NOTE,
     )
     return Table("values", "Values and their uncertainty", frame, notes)
 
 
-def _numbers(runs: Sequence[Solution], case: Case, read: Reading) -> list[list[float]]:
-    """Values of runs on levels from fine to coarse; of those that are complete."""
-    complete = takewhile(lambda solution: solution.status.ok, runs)
-    return [[value.value for value, _ in read(solution, case)] for solution in complete]
-
-
-@dataclass(frozen=True)
-class _Series:
-    """Force or moment of a joint or a connector at each output, in N or N m."""
-
-    name: str
-    what: str
-    unit: str
-    values: np.ndarray
-
-    @property
-    def size(self) -> float:
-        return float(np.abs(self.values).max())
-
-    def largest(self, solution: Solution, case: Case, least: float) -> Value:
-        """The largest with its time; at rest the last."""
-        k = len(self.values) - 1 if case.static else int(np.abs(self.values).argmax())
-        when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
-        quantity = f"{self.what} {when}" if case.static else f"{largest_of(self.what, case)}, {when}"
-        return Value(self.name, quantity, self.unit, float(self.values[k]), least)
-
-
-def _series(solution: Solution, case: Case) -> Iterator[_Series]:
-    scene = case.scene
-    texts = place_texts(
-        [*(p for j in scene.joints for p in j.ends), *(p for c in scene.connectors for p in c.places)]
-    )
-
-    def name_of(thing: object, places: Iterable[Written]) -> str:
-        return f"{_words(thing)} {', '.join(texts[place] for place in places)}"
-
-    for joint in scene.joints:
+def _series(solution: Solution, case: Case) -> Iterator[tuple[str, str, str, np.ndarray]]:
+    """Name, quantity, unit and history of each force or moment of a joint or a connector, N or N m."""
+    for joint in case.scene.joints:
         with suppress(ResultError):
-            reaction, name = solution.reaction(joint), name_of(joint, joint.ends)
-            yield _Series(name, "force", "N", np.linalg.norm(reaction[:, :2], axis=1))
+            reaction, name = solution.reaction(joint), _name_of(joint, joint.ends)
+            yield name, "force", "N", np.linalg.norm(reaction[:, :2], axis=1)
             if what := _moment_of(joint):
-                yield _Series(name, what, "N m", reaction[:, 2])
-    for connector in scene.connectors:
-        turns = hasattr(connector, "angle")
+                yield name, what, "N m", reaction[:, 2]
+    for connector in case.scene.connectors:
+        what, unit = ("moment", "N m") if hasattr(connector, "angle") else ("tension", "N")
         with suppress(ResultError):
-            what, unit = ("moment", "N m") if turns else ("tension", "N")
-            yield _Series(name_of(connector, connector.places), what, unit, solution.tension(connector))
+            yield _name_of(connector, connector.places), what, unit, solution.tension(connector)
 
 
-def _words(thing: object) -> str:
-    """Name of a class in words: "rotational spring"."""
-    return "".join(f" {c.lower()}" if c.isupper() else c for c in type(thing).__name__).strip()
+def _name_of(thing: object, places: Iterable[Written]) -> str:
+    """Kind and places in words: "rotational spring arm.start"."""
+    kind = "".join(f" {c.lower()}" if c.isupper() else c for c in type(thing).__name__).strip()
+    return f"{kind} {', '.join(map(place_name, places))}"
 
 
 def _moment_of(joint: Joint) -> str:

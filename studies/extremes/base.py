@@ -5,15 +5,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from anctmm.model.case import Case
 from anctmm.results.metrics import EPS
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
-from studies.engine.pictures import Picture
 from studies.engine.refinement import Refined, Refinement, Setup, offer_of
 from studies.engine.runner import Runner
+from studies.engine.study import Picture
 from studies.engine.tables import Table
 from studies.engine.trials import Trial
 
@@ -23,6 +24,8 @@ Row = dict[str, Any]
 TARGETS = {False: 1e-3, True: 1e-2}
 #: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
 TIGHT = 1e-12
+#: Elements times steps of a run at most.
+MOST_WORK = 4e6
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,11 @@ class Part:
     table: Table
     finding: str
     pictures: tuple[Picture, ...] = ()
+
+
+def part(name: str, title: str, rows: Sequence[Row], note: str, finding: str, *pictures: Picture) -> Part:
+    """A part from its rows."""
+    return Part(Table(name, title, pd.DataFrame(rows), (note,)), finding, pictures)
 
 
 @dataclass(frozen=True)
@@ -82,13 +90,9 @@ class Base:
         self.runner.heading = f"{self.case.name}, {what}: "
         return self.runner.solve(trial)
 
-    def plain(self) -> Solution:
-        """The refined run once more, tightly."""
-        return self.run(self.trial, "refined run")
-
-    def row(self, what: str, **columns: Any) -> Row:
+    def row(self, status: str = "ok", **columns: Any) -> Row:
         """A row of a table."""
-        return {"scene": self.case.name, "what": what, **columns}
+        return {"scene": self.case.name, **columns, "status": status}
 
 
 def _peer(found: Refined, runner: Runner) -> str:
@@ -112,8 +116,8 @@ def size_of(u: Array) -> float:
 
 def apart(
     one: Solution, other: Solution, case: Case, length: float = 1.0, size: float | None = None
-) -> tuple[Array, Array]:
-    """Common times, and by time the largest difference of two runs at the probes over the largest displacement.
+) -> Array:
+    """At each common output the largest difference of two runs at the probes, over the largest displacement.
 
     Parameters
     ----------
@@ -128,9 +132,21 @@ def apart(
     if case.static:  # solvers take load steps of their own
         u, v = u[-1:], v[-1:]
     n = min(len(u), len(v))
-    return one.t[:n], np.linalg.norm(u[:n] - v[:n], axis=2).max(axis=1, initial=0.0) / (size or size_of(u))
+    gap: Array = np.linalg.norm(u[:n] - v[:n], axis=2).max(axis=1, initial=0.0)
+    return gap / (size or size_of(u))
+
+
+def energy_error(run: Solution) -> float:
+    """Largest error of the energy over the largest kinetic energy."""
+    kinetic = float(np.max(run.energy.kinetic, initial=0.0)) or 1.0
+    return float(np.abs(run.energy.balance).max()) / kinetic
 
 
 def good(rows: Sequence[Row]) -> list[Row]:
     """Rows of complete runs."""
     return [row for row in rows if row["status"] == "ok"]
+
+
+def first_bad(rows: Sequence[Row]) -> Row | None:
+    """The first row of a run that is not complete."""
+    return next((row for row in rows if row["status"] != "ok"), None)

@@ -2,14 +2,11 @@
 
 from collections.abc import Iterator
 
-import pandas as pd
-
 from studies.cases import assumptions_of
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Result, check_taken
-from studies.engine.tables import Table
 from studies.extremes import parts
-from studies.extremes.base import Base, Part
+from studies.extremes.base import Base, Part, part
 from studies.extremes.growth import growth
 
 
@@ -23,9 +20,9 @@ def run(options: Options, runner: Runner) -> Result:
         name="extremes", title="Limits",
         question="How long may a step be, how does a disturbance grow, and what do many elements, other units, far "
         "places, stiff beams, large loads and long times do to the answer?",
-        findings=tuple(part.finding for part in found), assumptions=assumptions_of(case),
-        tables=tuple(part.table for part in found), pictures=tuple(p for part in found for p in part.pictures),
-        answers=tuple(_answers(case.name, found)), shown=tuple(part.table.name for part in found),
+        findings=tuple(p.finding for p in found), assumptions=assumptions_of(case),
+        tables=tuple(p.table for p in found), pictures=tuple(picture for p in found for picture in p.pictures),
+        answers=tuple(_answers(case.name, found)), shown=tuple(p.table.name for p in found),
         good=base.found.solution.status.ok,
     )  # fmt: skip
 
@@ -33,13 +30,15 @@ def run(options: Options, runner: Runner) -> Result:
 def _parts(base: Base) -> Iterator[Part]:
     status = base.found.solution.status
     if not status.ok:
-        row = pd.DataFrame([base.row("refined run", status=str(status))])
-        yield Part(Table("refined", "The refined run", row), f"{base.case.name}: no refined run: {status}.")
+        text = f"{base.case.name}: no refined run: {status}."
+        yield part(
+            "refined", "The refined run", [base.row(str(status))], "Of cables and implicit steps.", text
+        )
         return
     larger = 1.0
     if not base.case.static:
-        part, larger = growth(base)
-        yield part
+        grown, larger = growth(base)
+        yield grown
         yield parts.steps(base)
         yield parts.time(base)
     yield parts.places(base, larger)

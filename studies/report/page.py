@@ -11,9 +11,8 @@ from markupsafe import Markup, escape
 from pandas.api.types import is_numeric_dtype
 
 from studies.engine import provenance
-from studies.engine.pictures import Picture
-from studies.engine.study import Result, answers_of
-from studies.engine.tables import MOST_ROWS, Table, for_people, text
+from studies.engine.study import Answer, Picture, Result
+from studies.engine.tables import MOST_ROWS, Table, cell, for_people
 from studies.report.plots import GRID, INK, PAPER
 
 #: Names of columns that need a unit or a symbol.
@@ -31,6 +30,11 @@ IN_SETTING = {
 }  # fmt: skip
 #: Characters of a cell beyond which it may be broken into lines; rows of a table that is open.
 LONG, SHORT = 36, 24
+
+
+def label(column: str) -> str:
+    """Head of a column."""
+    return LABELS.get(column, column.replace("_", " "))
 
 
 def page(
@@ -51,15 +55,20 @@ def page(
     file, case = words
     title = "Accuracy and cost of planar flexible multibody solvers" if file is None else ", ".join(names)
     command = ["anctmm", "report", *([file] if file else []), *(["--case", case] if case else [])]
+    cards = [
+        a if isinstance(a, Answer) else Answer(result.question, "", a)
+        for result in results
+        for a in result.answers
+    ]
     environment = Environment(
         loader=PackageLoader("studies.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"inline": inline, "html": html, "prose": prose}
+    css = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
     return environment.get_template("page.html.jinja").render(
-        title=title, results=results, answers=[a for r in results for a in answers_of(r)], quick=quick, short=SHORT,
-        most_rows=MOST_ROWS, command=shlex.join([*command, *(["--quick"] if quick else [])]),
-        stamp=provenance.stamp(), css=Markup(_beside("page.css")),
+        title=title, results=results, answers=cards, quick=quick, short=SHORT, most_rows=MOST_ROWS,
+        command=shlex.join([*command, *(["--quick"] if quick else [])]), stamp=provenance.stamp(), css=Markup(css),
     )  # fmt: skip
 
 
@@ -68,16 +77,15 @@ def html(table: Table) -> Markup:
     hidden = HIDDEN | (IN_SETTING if "setting" in table.frame else set())
     shown = for_people(table.frame).drop(columns=list(hidden & set(table.frame.columns)))
     shown = shown.dropna(axis="columns", how="all").reset_index(drop=True)
-    cells = shown.map(_cell)
+    cells = shown.map(cell)
     classes = pd.DataFrame("", index=cells.index, columns=cells.columns)
     for name in cells.columns:
-        numeric = is_numeric_dtype(table.frame[name])
         long = cells[name].str.len() > LONG
+        numeric = is_numeric_dtype(table.frame[name])
         classes[name] = "number" if numeric else long.map({True: "long", False: ""})
         if name == "status":
             classes.loc[~cells[name].str.startswith("ok"), name] = "bad"
-    cells.columns = [LABELS.get(str(n), str(n).replace("_", " ")) for n in cells.columns]
-    classes.columns = cells.columns
+    cells.columns = classes.columns = pd.Index([label(str(name)) for name in cells.columns])
     style = cells.style.hide(axis="index").format(escape="html").set_td_classes(classes)
     return Markup(style.to_html(cell_ids=False, table_uuid="t", sparse_columns=False))
 
@@ -100,14 +108,3 @@ def inline(shown: Picture, study: str) -> Markup:
 def prose(words: str) -> Markup:
     """A text with what stands between backquotes as code."""
     return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(words))))
-
-
-def _cell(value: object) -> str:
-    """Three digits of a number; a whole one with all of them."""
-    if isinstance(value, float):
-        return f"{value:.3g}" if value == value and abs(value) < 1e6 else text(value)
-    return text(value)
-
-
-def _beside(name: str) -> str:
-    return (Path(__file__).parent / name).read_text(encoding="utf-8")

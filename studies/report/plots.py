@@ -1,4 +1,4 @@
-"""Pictures as reproducible SVG: colours, markers, ticks and legends that all studies share."""
+"""Pictures as reproducible SVG: colours, markers, axes and legends that all studies share."""
 
 import io
 import re
@@ -7,24 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
-import pandas as pd
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from anctmm.solvers import registry
 from studies.engine.files import atomic_write
-from studies.engine.pictures import Picture
-
-__all__ = ["Picture", "picture", "write_picture"]
+from studies.engine.study import Picture
 
 #: Ink, grid and paper: the page replaces these three by its theme's.
 INK, GRID, PAPER = "#1b1b1d", "#d5d5da", "#fffffe"
-#: Ink on dark and on pale cells: the same in both themes of the page, as the cells are.
-ON_DARK, ON_PALE = "#fffffd", "#101012"
 #: Okabe & Ito's palette, distinguishable for colour-blind readers; without the yellow, too pale on paper.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c6d5a", "#7f7f87")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -41,9 +33,8 @@ STYLE: Any = {
 
 
 def picture(
-    name: str, caption: str, draw: Callable[[Figure], None], size: tuple[float, float] = (7.0, 3.6),
-    alone: bool = False, source: str | None = None,
-) -> Picture:  # fmt: skip
+    name: str, caption: str, draw: Callable[[Figure], None], size: tuple[float, float] = (7.0, 3.6)
+) -> Picture:
     """Draw on a new figure and return it as SVG.
 
     Parameters
@@ -55,16 +46,12 @@ def picture(
         Draws on the figure it is given.
     size : (float, float)
         inch.
-    alone : bool
-        Letters as outlines, for pictures that are shown where no font is known; else as text.
-    source : str, optional
-        Origin, for its metadata.
     """
-    with mpl.rc_context(STYLE | {"svg.hashsalt": name, "svg.fonttype": "path" if alone else "none"}):
+    with mpl.rc_context(STYLE | {"svg.hashsalt": name}):
         figure = Figure(figsize=size)
         draw(figure)
         stream = io.StringIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Source": source})
+        figure.savefig(stream, format="svg", metadata={"Date": None})
     # matplotlib leaves blanks at line ends, which every version control tool complains about
     return Picture(name, caption, re.sub(r"[ \t]+$", "", stream.getvalue(), flags=re.MULTILINE))
 
@@ -89,38 +76,18 @@ def _number(name: str) -> int:
     return names.index(name) if name in names else sum(name.encode())
 
 
-def sequence_colours(n: int) -> list[Any]:
-    """`n` colours in an order the eye sees, legible on light and dark paper."""
-    return [mpl.colormaps["viridis"](x) for x in np.linspace(0.2, 0.88, n)]
+def log_axes(figure: Figure, axes: Sequence[Axes], labels: Sequence[tuple[str, str]]) -> None:
+    """Logarithmic axes with their labels, and one legend below all."""
+    for panel, (xlabel, ylabel) in zip(axes, labels, strict=True):
+        panel.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
+    legend_below(figure, axes)
 
 
-def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Ticks of a logarithmic axis that are few, and at least two."""
-    narrow = np.floor(np.log10(high)) - np.ceil(np.log10(low)) < 1  # fewer than two powers of ten
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=9))
-    axis.set_minor_formatter(NullFormatter())
-    shown = [s * 10.0**k for k in range(-30, 30) for s in (1.0, 2.0, 5.0) if low <= s * 10.0**k <= high]
-    if len(shown) < 2:  # the locator above would fall back to many ticks whose labels overlap
-        axis.set_major_locator(MaxNLocator(nbins=3))
-        axis.set_minor_locator(NullLocator())
-    if narrow:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-def floor(axes: Axes, uncertainties: pd.Series, side: str = "right") -> None:
-    """A line at the uncertainty of the reference, where it is not far below everything drawn."""
-    known = uncertainties[uncertainties > 0.0]
-    if known.empty:
-        return
-    level = float(known.max())
-    if level < axes.get_ylim()[0] / 30.0:
-        return
-    axes.axhline(level, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)))
-    place = (0.99 if side == "right" else 0.01, level)
-    axes.annotate(
-        "uncertainty of the reference", place, xycoords=("axes fraction", "data"), ha=side, va="bottom",
-        fontsize=7.5, color=INK,
-    )  # fmt: skip
+def floor(axes: Axes, uncertainty: float) -> None:
+    """A line at the uncertainty of the reference."""
+    if uncertainty > 0.0:
+        look = {"color": "#7f7f87", "linewidth": 1.0, "linestyle": (0, (2, 2))}
+        axes.axhline(uncertainty, label="uncertainty of the reference", **look)
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
@@ -129,9 +96,5 @@ def legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.legend(
-        list(entries.values()),
-        list(entries),
-        loc="outside lower center",
-        ncols=min(columns, max(len(entries), 1)),
-    )
+    if entries:
+        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)

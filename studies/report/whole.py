@@ -36,22 +36,20 @@ def run_study(name: str, options: Options, runner: Runner) -> Iterator[Done]:
     StudyError
         If it fits no case; of those that it does not fit standard error says why.
     """
+    run = find(name)
     if "cases" not in TAKEN[name]:
-        yield Done("", find(name)(options, runner))
+        yield Done("", run(options, runner))
         return
-    refused: StudyError | None = None
-    fitting = False
-    for case in options.cases or defaults(name):
+    refused: list[StudyError] = []
+    cases = options.cases or defaults(name)
+    for case in cases:
         try:
-            result = find(name)(replace(options, cases=(case,)), runner)
+            yield Done(case.name, run(replace(options, cases=(case,)), runner))
         except StudyError as error:
-            refused = error
+            refused.append(error)
             print(f"anctmm: {case.name} is left out: {error}", file=sys.stderr)
-            continue
-        fitting = True
-        yield Done(case.name, result)
-    if refused and not fitting:
-        raise refused
+    if len(refused) == len(cases):
+        raise refused[-1]
 
 
 def run_all(cases: tuple[Case, ...] | None, quick: bool, runner: Runner) -> Iterator[Done]:
@@ -77,7 +75,6 @@ def defaults(name: str) -> list[Case]:
 def write_study(done: Done, out: Path) -> Path:
     """Write tables and pictures to `<out>/<case>/<study>/` and return that directory."""
     folder = out / file_name(done.case) / done.result.name if done.case else out / done.result.name
-    folder.mkdir(parents=True, exist_ok=True)
     for table in done.result.tables:
         write_table(table, folder)
     for picture in done.result.pictures:
@@ -99,31 +96,30 @@ def write_report(
     words : (str or None, str or None)
         The file and the case as they were typed.
     """
-    joined = [
-        join([d.result for d in done if d.result.name == name])
-        for name in dict.fromkeys(d.result.name for d in done)
-    ]
+    names = dict.fromkeys(d.result.name for d in done)
+    joined = [join([d.result for d in done if d.result.name == name]) for name in names]
     for result in joined:
         for table in result.tables:
             write_table(table, folder / result.name, readable=False)
         for picture in result.pictures if result.name in DRAWN else ():
             write_picture(picture, folder / result.name)
     write_machine(folder)
-    names = list(dict.fromkeys(d.case for d in done if d.case))
-    atomic_write(folder / "index.html", page(joined, names, quick, words))
+    cases = list(dict.fromkeys(d.case for d in done if d.case))
+    atomic_write(folder / "index.html", page(joined, cases, quick, words))
 
 
 def join(results: Sequence[Result]) -> Result:
     """Results of one study on several cases as one; tables for that study alone are left out."""
-    tables: dict[str, Table] = {}
+    found: dict[str, list[Table]] = {}
     for table in (t for r in results for t in r.tables if t.place != "study"):
-        before = tables.get(table.name)
-        frames = [f for f in (before.frame if before else None, table.frame) if f is not None and len(f)]
-        notes = dict.fromkeys((*(before.notes if before else ()), *table.notes))
-        frame = pd.concat(frames, ignore_index=True) if frames else table.frame
-        tables[table.name] = replace(table, frame=frame, notes=tuple(notes))
+        found.setdefault(table.name, []).append(table)
+    tables = []
+    for same in found.values():
+        frames = [table.frame for table in same if len(table.frame)] or [same[0].frame]
+        notes = tuple(dict.fromkeys(note for table in same for note in table.notes))
+        tables.append(replace(same[0], frame=pd.concat(frames, ignore_index=True), notes=notes))
     every = {
         name: tuple(dict.fromkeys(x for r in results for x in getattr(r, name)))
         for name in ("findings", "assumptions", "pictures", "answers")
     }
-    return replace(results[0], tables=tuple(tables.values()), **every)  # type: ignore[arg-type]
+    return replace(results[0], tables=tuple(tables), **every)  # type: ignore[arg-type]

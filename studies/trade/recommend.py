@@ -1,6 +1,7 @@
 """The cheapest measured setting for a target error, or the best within a budget: chosen from the trade's tables."""
 
-from collections.abc import Mapping, Sequence
+from ast import literal_eval
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from io import StringIO
@@ -10,22 +11,25 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from rich.console import Console
+from rich.markup import escape
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.results.metrics import history_error, rounding_at, worst
-from studies.engine.choices import NONE
-from studies.engine.choices import read as read_own
+from anctmm.results.solution import Solution
 from studies.engine.files import file_name
 from studies.engine.fronts import reaching
 from studies.engine.identity import identity
 from studies.engine.runner import Runner
 from studies.engine.study import Options, Result
+from studies.engine.tables import milliseconds, rich_table, say, show_table
 from studies.engine.timing import least
 from studies.engine.trials import NO_BEAMS, Trial, mesh_label
 from studies.trade import study
-from studies.trade.tables import family_of, setting_of, stepping
+from studies.trade.settings import same_continuum
+from studies.trade.tables import parts_text, setting_of, stepping
 
 #: The trade of the built-in scenes that ships with the package.
 KEPT = Path(__file__).parent / "kept"
@@ -33,12 +37,11 @@ KEPT = Path(__file__).parent / "kept"
 REPEATS = 3
 #: Factor by which a rerun without a target may differ from the table's error: it is the same computation.
 SAME = 1.01
-#: Part of an interval of output by which times may differ that are the same: tables have nine digits.
-SAME_TIME = 1e-3
 NEEDED = {
-    "front": ("scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance",
-              "newton_tolerance", "error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s",
-              "status", "asked"),
+    "front": (
+        "scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance",
+        "error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s", "status", "own", "asked",
+    ),
     "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
     "references": ("scene", "element", "from_cable", "case"),
 }  # fmt: skip
@@ -90,32 +93,26 @@ class Rerun:
     met: bool
 
 
-def places(case: Case) -> list[Path]:
-    """Directories in which a trade of a case may be, the one that `anctmm study trade` writes first."""
-    return [
-        Path("results") / file_name(case.name) / "trade",
-        Path("results/trade"),
-        Path("reports/trade"),
-        KEPT,
-    ]
+# --- the trade -----------------------------------------------------------------------------------------------
 
 
 def find(case: Case) -> Measured | None:
-    """The first trade of a case that is there; None without one.
+    """The first trade of a case that is there, the one that `anctmm study trade` writes first; None without one.
 
     Raises
     ------
     RecommendError
-        If it cannot be read, or was measured before the case was changed.
+        If it cannot be read.
     """
-    for folder in places(case):
-        if (folder / "front.csv").is_file():
-            measured = read(folder)
-            if case.name in set(measured.points["scene"]):
-                if folder != KEPT:
-                    return measured
-                if _is_of(measured, case):
-                    return replace(measured, origin="the table that ships with anctmm")
+    own = Path("results") / file_name(case.name) / "trade"
+    for folder in (own, Path("results/trade"), Path("reports/trade"), KEPT):
+        measured = read(folder) if (folder / "front.csv").is_file() else None
+        if measured is None or case.name not in set(measured.points["scene"]):
+            continue
+        if folder != KEPT:
+            return measured
+        if _is_of(measured, case):
+            return replace(measured, origin="the table that ships with anctmm")
     return None
 
 
@@ -129,11 +126,9 @@ def read(folder: Path) -> Measured:
     """
     frames = {}
     for name, needed in NEEDED.items():
-        path = (
-            folder / "points.csv"
-            if name == "front" and (folder / "points.csv").is_file()
-            else folder / f"{name}.csv"
-        )
+        path = folder / f"{name}.csv"
+        if name == "front" and (folder / "points.csv").is_file():
+            path = folder / "points.csv"
         try:
             frames[name] = pd.read_csv(path, dtype={"elements": str, "own": str})
         except (OSError, ValueError, OverflowError) as error:
@@ -149,10 +144,8 @@ def read(folder: Path) -> Measured:
 
 def of_result(result: Result) -> Measured:
     """The tables of a trade that was measured just now."""
-    points, histories, references = (
-        result.table(name).frame for name in ("points", "histories", "references")
-    )
-    return Measured(points, histories, references, "measured now")
+    frames = [result.table(name).frame for name in ("points", "histories", "references")]
+    return Measured(*frames, origin="measured now")
 
 
 def measured_now(case: Case, options: Options, runner: Runner) -> Measured:
@@ -188,6 +181,9 @@ def check_case(measured: Measured, case: Case) -> None:
         )
 
 
+# --- the choice ----------------------------------------------------------------------------------------------
+
+
 def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame:
     """Rows of a scene, and of some solvers, meshes, steps, of an integrator and an element.
 
@@ -202,34 +198,22 @@ def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame
         raise RecommendError(
             f"scene {scene!r} has no setting with an error and a time; scenes of the table: {names}"
         )
-    wanted: dict[tuple[str, str], Any] = {
-        ("solver", "--solvers"): options.solvers,
-        ("integrator", "--integrator"): options.integrator and (options.integrator,),
-        ("element", "--element"): options.element and (options.element,),
-        ("elements", "--elements"): options.meshes and tuple(map(mesh_label, options.meshes)),
-        ("dt", "--dt"): options.steps,
+    wanted: dict[str, tuple[str, Any]] = {
+        "--solvers": ("solver", options.solvers),
+        "--integrator": ("integrator", options.integrator and [options.integrator]),
+        "--element": ("element", options.element and [options.element]),
+        "--elements": ("elements", options.meshes and list(map(mesh_label, options.meshes))),
+        "--dt": ("dt", options.steps and [f"{dt:.3g}" for dt in options.steps]),  # as they are shown
     }
-    for (column, typed), values in wanted.items():
+    for typed, (column, values) in wanted.items():
         if not values:
             continue
-        left = mine[_among(mine[column], values)]
-        if left.empty:
-            allowed = ", ".join(
-                f"{v:g}" if column == "dt" else str(v) for v in mine[column].dropna().unique()
-            )
-            raise RecommendError(
-                f"{typed} is {', '.join(map(str, values))!r}; measured on {scene!r} are {allowed}"
-            )
-        mine = left
+        shown = mine[column].map("{:.3g}".format) if column == "dt" else mine[column]
+        if not shown.isin(values).any():
+            allowed = ", ".join(shown[mine[column].notna()].unique())
+            raise RecommendError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
+        mine = mine[shown.isin(values)]
     return mine
-
-
-def _among(column: pd.Series, values: Sequence[Any]) -> pd.Series:
-    """Whether each of a column is one of some values; steps as they are written with three digits, like 3.33 ms."""
-    if column.name != "dt":
-        return column.isin(values)
-    near = np.isclose(column.to_numpy(float)[:, None], np.array(values, float), rtol=2e-3, atol=0.0)
-    return pd.Series(near.any(axis=1), column.index)
 
 
 def models_apart(measured: Measured, scene: str, error: float | None) -> str:
@@ -258,28 +242,24 @@ def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) ->
     Raises
     ------
     RecommendError
-        If neither is given, or one is not positive.
+        If neither is given.
     """
     if error is None and budget_s is None:
-        raise RecommendError("neither error nor budget is given; at least one of them is needed")
-    for name, value in (("error", error), ("budget (s)", budget_s)):
-        if value is not None and not 0.0 < value < np.inf:
-            raise RecommendError(f"{name} is {value!r}; a positive number is needed")
+        raise RecommendError("--error and --budget are both missing; at least one of them is needed")
     mine = points.sort_values("cpu_s", kind="stable")
-    affordable = mine if budget_s is None else mine[mine["cpu_s"] <= budget_s]
+    affordable = mine[mine["cpu_s"] <= (np.inf if budget_s is None else budget_s)]
+    able = affordable if error is None else reaching(affordable, error)
+    by_bound = affordable.sort_values(["error_bound", "cpu_s"])
     if affordable.empty:
-        first = mine.iloc[0]
-        remark = f"no measured setting is that cheap: the cheapest one takes {first['cpu_s']:.2g} s"
-        return Choice(first.to_dict(), _others(mine.iloc[1:], first), False, (remark,))
-    nearest = affordable.sort_values(["error_bound", "cpu_s"]).iloc[0]
-    if error is None:
-        return Choice(nearest.to_dict(), _others(affordable.drop(nearest.name), nearest), True)
-    able = reaching(affordable, error)
-    if len(able):
-        return Choice(able.iloc[0].to_dict(), _others(able.iloc[1:], able.iloc[0]), True)
-    return Choice(
-        nearest.to_dict(), _others(affordable.iloc[:0], nearest), False, _why_not(mine, error, budget_s)
-    )
+        remark = f"no measured setting is that cheap: the cheapest one takes {mine['cpu_s'].iloc[0]:.2g} s"
+        chosen, others, remarks = mine.iloc[0], mine, (remark,)
+    elif error is None:
+        chosen, others, remarks = by_bound.iloc[0], affordable, ()
+    elif len(able):
+        chosen, others, remarks = able.iloc[0], able, ()
+    else:
+        chosen, others, remarks = by_bound.iloc[0], able, _why_not(mine, error, budget_s)
+    return Choice(chosen.to_dict(), _others(others, chosen), not remarks, remarks)
 
 
 def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[str, ...]:
@@ -287,23 +267,21 @@ def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[
     if budget_s is not None and len(able):
         needs = able["cpu_s"].iloc[0]
         return (f"an error of {error:g} takes {needs:.2g} s; this is the best within {budget_s:g} s",)
-    least_bound = mine["error_bound"].min()
-    said = [f"the measured range does not reach {error:g}: its smallest error bound is {least_bound:.2g}"]
-    floor = mine["reference_error"].min()
-    if error <= floor:
-        said.append(
-            f"{error:g} is below the uncertainty of the reference, {floor:.1g}: no run can guarantee it"
-        )
-    return tuple(said)
+    smallest, floor = mine["error_bound"].min(), mine["reference_error"].min()
+    reason = f"the measured range does not reach {error:g}: its smallest error bound is {smallest:.2g}"
+    if error > floor:
+        return (reason,)
+    return (
+        reason,
+        f"{error:g} is below the uncertainty of the reference, {floor:.1g}: no run can guarantee it",
+    )
 
 
 def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
     """The cheapest rows of other kinds: solver, element, way to step."""
-    kind = rows["solver"] + ", " + rows["element"] + ", " + stepping(rows) if len(rows) else rows["solver"]
-    own = setting_of(chosen.to_dict())
-    other = np.array([setting_of(line) != own for line in rows.to_dict("records")], dtype=bool)
-    shown = rows.assign(kind=kind, ratio=rows["cpu_s"] / chosen["cpu_s"])[other].drop_duplicates("kind")
-    return shown.sort_values("ratio").head(5)
+    rows = rows.drop(index=chosen.name, errors="ignore")
+    rows = rows.assign(stepping=stepping(rows), ratio=rows["cpu_s"] / chosen["cpu_s"]).sort_values("ratio")
+    return rows.drop_duplicates(["solver", "element", "stepping"]).head(5)
 
 
 # --- running it ----------------------------------------------------------------------------------------------
@@ -311,13 +289,13 @@ def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
 
 def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
     """The run of a row of the points."""
-    options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
+    tolerances = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
     dt, elements = float(line["dt"]), "1" if line["elements"] == NO_BEAMS else str(line["elements"])
-    step = case.interval / round(case.interval / dt) if dt > 0 else dt  # a table has nine digits
-    return Trial(
-        case.scene, str(line["solver"]), tuple(int(n) for n in elements.split("/")), str(line["asked"]),
-        "full" if line["quadrature"] == "-" else str(line["quadrature"]), str(line["integrator"]), step, case.duration,
-        case.interval, options, read_own(str(line["own"])),
+    return Trial.of(
+        case, str(line["solver"]), tuple(int(n) for n in elements.split("/")), element=str(line["asked"]),
+        quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]), integrator=str(line["integrator"]),
+        dt=case.interval / round(case.interval / dt) if dt > 0 else dt,  # a table has nine digits
+        options=(*tolerances, *literal_eval(line["own"]).items()),
     )  # fmt: skip
 
 
@@ -331,38 +309,28 @@ def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
     given : str
         The file of the case, or the name of a built-in scene.
     """
-    run, solver, own = trial_of(line, case).run(), str(line["solver"]), str(line["own"])
-    ours = solver == "anctmm"
-    solve = "at.solve" if ours else f"registry.solver({solver!r})"
-    lines = [
-        "import anctmm as at", *([] if ours else ["from anctmm.solvers import registry"]),
-        "from studies.cases import find_case", "", f"scene = find_case({given!r}, {case.name!r}).scene",
-        f"run = at.Discretisation({_arguments(run)})",
-        f"solution = {solve}(scene, run{'' if own == NONE else f', {own}'})",
+    trial = trial_of(line, case)
+    own = "".join(f", {name}={value!r}" for name, value in trial.own)
+    return "\n".join([
+        "import anctmm as at",
+        "from anctmm.solvers import registry",
+        "from studies.cases import find_case",
+        "",
+        f"scene = find_case({given!r}, {case.name!r}).scene",
+        f"run = at.Discretisation({_arguments(trial.run())})",
+        f"solution = registry.solver({trial.solver!r})(scene, run{own})",
         'print(f"{solution.status}: {1e3 * solution.cost.cpu_s:.3g} ms")',
         *(f"print({probe!r}, solution.position({probe!r})[-1])" for probe in case.probes),
-    ]  # fmt: skip
-    return "\n".join(lines) + "\n"
+        "",
+    ])  # fmt: skip
 
 
 def _arguments(run: Discretisation) -> str:
     """Fields of a discretisation as Python writes them, without those that have their defaults."""
     plain = Discretisation()
-    always = ("element",) if run.mesh is not None else ()
-    names = [
-        "mesh",
-        "element",
-        "quadrature",
-        "integrator",
-        "dt",
-        "t_end",
-        "output_dt",
-        "tolerance",
-        "newton_tolerance",
-    ]
-    given = {n: getattr(run, n) for n in names if n in always or getattr(run, n) != getattr(plain, n)}
-    if run.tolerance is not None:
-        given.pop("dt", None)
+    names = ["mesh", "element", "quadrature", "integrator", "t_end", "output_dt", "newton_tolerance"]
+    names.append("dt" if run.tolerance is None else "tolerance")
+    given = {n: getattr(run, n) for n in names if n == "element" or getattr(run, n) != getattr(plain, n)}
     return ", ".join(f"{n}={dict(v) if isinstance(v, dict) else v!r}" for n, v in given.items())
 
 
@@ -374,41 +342,63 @@ def rerun(
     With a target error that the row meets, the rerun meets it, too, if its error and the uncertainty of the reference
     do; else its error must be the table's.
     """
-    code, costs = compile(script(line, case, given), "<script>", "exec"), []
+    code = compile(script(line, case, given), "<script>", "exec")
+    found = list[Solution]()
     with redirect_stdout(StringIO()):
         for _ in range(REPEATS):
             names: dict[str, Any] = {}
             exec(code, names)
-            costs.append(names["solution"].cost)
-    solution = names["solution"]
+            found.append(names["solution"])
     known = measured.histories[measured.histories["scene"] == case.name]
-    element = family_of(str(line["asked"]), list(dict.fromkeys(known["element"])))
-    error = worst(_error_at(solution, probe, known[known["element"] == element]) for probe in case.probes)
-    if target is not None and reached:
-        met = error + float(line["reference_error"]) <= target
-    else:
-        met = error <= SAME * float(line["error"]) + float(line["reference_error"])
-    return Rerun(
-        error, least(costs).cpu_s, str(solution.status), bool(solution.status.ok and met and isfinite(error))
-    )
+    element = same_continuum(str(line["asked"]), list(dict.fromkeys(known["element"])))
+    error = worst(_error_at(found[-1], probe, known[known["element"] == element]) for probe in case.probes)
+    sure = float(line["reference_error"])
+    aim = target if target is not None and reached else SAME * float(line["error"]) + 2.0 * sure
+    status = found[-1].status
+    met = status.ok and isfinite(error) and error + sure <= aim
+    return Rerun(error, least([s.cost for s in found]).cpu_s, str(status), bool(met))
 
 
-def _is_key(given: Any, key: Any) -> bool:
-    """Whether a cell of a table is the key of a place: a point's name, or a fraction."""
-    try:
-        return abs(float(given) - float(key)) < 1e-6
-    except ValueError:
-        return str(given) == str(key)
-
-
-def _error_at(solution: Any, probe: Any, known: pd.DataFrame) -> float:
+def _error_at(solution: Solution, probe: Any, known: pd.DataFrame) -> float:
     """Error of a solution at a probe against a history of the reference."""
     body, key = solution.scene.probe(probe)
-    mine = known[(known["body"] == body) & known["fraction"].map(lambda f: _is_key(f, key))]
-    u = solution.displacement(probe)
-    if not solution.status.ok or len(mine) < 2 or len(u) < len(mine):
+    mine = known[known["body"] == body]
+    name = isinstance(key, str)
+    mine = mine[[str(f) == key if name else abs(float(f) - key) < 1e-6 for f in mine["fraction"]]]
+    u, t = solution.displacement(probe), mine["t"].to_numpy()
+    if not solution.status.ok or len(t) < 2 or len(t) != len(u) or not np.allclose(solution.t, t):
         return float("nan")
-    t = mine["t"].to_numpy()
-    near = np.abs(solution.t[: len(t)] - t).max() <= SAME_TIME * (t[1] - t[0])
-    reference = mine[["u_x", "u_y"]].to_numpy()
-    return history_error(u[: len(t)], reference, rounding_at(solution, probe)) if near else float("nan")
+    return history_error(u, mine[["u_x", "u_y"]].to_numpy(), rounding_at(solution, probe))
+
+
+# --- on the terminal -----------------------------------------------------------------------------------------
+
+
+def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
+    """Print the setting, its cost and error, a warning if there is one, and the runners-up."""
+    line = choice.line
+    for remark in choice.remarks:
+        say(console, f"Not reached: {remark}.", "yellow")
+    say(console, f"{'Recommended' if choice.reached else 'Nearest'}: {setting_of(line)}", "bold")
+    cost, bound = milliseconds(line["cpu_s"]), f"{line['error_bound']:.2g} ({parts_text(line)})"
+    say(console, f"expected {cost} of CPU time; error bound {bound}; from {origin}")
+    if warning:
+        say(console, f"Note: {warning}.", "dim")
+    if len(choice.runners_up):
+        columns = {"setting": False, "CPU time": True, "ratio": True, "error bound": True}
+        shown = rich_table("Runners-up, the cheapest of each kind", columns)
+        for other in choice.runners_up.to_dict("records"):
+            numbers = f"{other['ratio']:.3g}", f"{other['error_bound']:.2g}"
+            shown.add_row(escape(setting_of(other)), milliseconds(other["cpu_s"]), *numbers)
+        show_table(console, shown)
+
+
+def show_rerun(again: Rerun, choice: Choice, target: float | None, console: Console) -> None:
+    """Print the result of the script."""
+    meant = target is not None and choice.reached
+    goal = f"the target error {target:g}" if meant else f"the table's {choice.line['error']:.2g}"
+    said = (
+        f"Rerun of this script: {again.status}, error {again.error:.3g} {'meets' if again.met else 'MISSES'} {goal}; "
+        f"{milliseconds(again.cpu_s)} of CPU time."
+    )
+    say(console, said, "green" if again.met else "red")

@@ -9,14 +9,12 @@ from matplotlib.figure import Figure
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
 from studies.engine.fronts import front
-from studies.engine.pictures import Picture
 from studies.engine.runner import Runner
-from studies.engine.study import Answer, Options, Result, StudyError, check_taken, of_case, without_beams
+from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits, check_taken
 from studies.engine.tables import Table, error_text, milliseconds, records, times
-from studies.report.plots import legend_below, log_ticks, picture, solver_colour, solver_marker
-from studies.trade.grid import grid
-from studies.trade.levels import levels_of
+from studies.report.plots import floor, log_axes, picture, solver_colour, solver_marker
 from studies.trade.measure import like_with_like, solve_all, time_near
+from studies.trade.settings import grid, levels_of, not_timed
 from studies.trade.tables import (
     at_equal_error,
     front_table,
@@ -53,16 +51,11 @@ def run(options: Options, runner: Runner) -> Result:
             f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
             f"`anctmm study convergence` shows its errors over the mesh"
         )
-    without_beams([case], options)
-    levels = levels_of(case, of_case(options, case), runner)
-    tried = grid(levels, options)
-    rows, kinds = solve_all(tried, runner)
-    outcome = Table(
-        "outcomes",
-        "Outcomes by solver",
-        kinds,
-        ("outcome: of all runs of a solver, element and way to step.",),
-    )
+    check_fits(options, case)
+    levels = levels_of(case, options, runner)
+    rows, kinds = solve_all(levels, grid(levels, options), runner)
+    note = "outcome: of all runs of a solver, element and way to step."
+    outcome = Table("outcomes", "Outcomes by solver", kinds, (note,))
     known = references(levels, runner)
     plain = Result(
         "trade", "Accuracy and cost", QUESTION, _why_none(rows, kinds), (*assumptions_of(case), *INDEPENDENCE),
@@ -70,13 +63,13 @@ def run(options: Options, runner: Runner) -> Result:
     )  # fmt: skip
     if not (rows["error_bound"] > 0.0).any():
         return plain
-    like = like_with_like(tried, rows)
+    like = like_with_like(rows)
     runner.heading = f"{case.name}, "
     rows, samples = time_near(rows, runner, like)
     best, equal = recommended(rows, levels.targets), at_equal_error(rows, levels.targets)
+    late = tuple(why for _, why in not_timed(case, options))
     return replace(
-        plain, good=True,
-        findings=(*_findings(best.frame, equal.frame), *tried.not_timed),
+        plain, good=True, findings=(*_findings(best.frame, equal.frame), *late),
         tables=(
             best, equal, same_setting(rows, like), outcome, known, front_table(rows), points_table(rows),
             histories(levels), Table("samples", "Raw time samples", samples, place="study"),
@@ -94,25 +87,22 @@ def _why_none(rows: pd.DataFrame, kinds: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _answers(best: pd.DataFrame, equal: pd.DataFrame) -> list[Answer]:
-    if best.empty:
-        return []
     line = records(best[best["target"] == _headline(best)])[0]
     question = f"{line['scene']}: which setting for an error of {line['target']:g}?"
     if line["status"] != "ok":
         return [Answer(question, f"error {line['error_bound']:.1g}", f"{line['status']}: {line['setting']}.")]
     figure = f"{milliseconds(line['cpu_s'])} of steps, {milliseconds(line['whole_s'])} of the whole call"
     take = f"{line['setting']} ({line['dofs']} coordinates, one thread): error bound {line['error_bound']:.1g}, of "
-    others = _others(equal[equal["target"] == line["target"]])
-    return [Answer(question, figure, f"{take}{parts_text(line)}.{f' {others}' if others else ''}")]
+    return [Answer(question, figure, f"{take}{parts_text(line)}. {_others(equal, line['target'])}".strip())]
 
 
 def _headline(best: pd.DataFrame) -> float:
     return TARGET if (best["target"] == TARGET).any() else float(best["target"].min())
 
 
-def _others(equal: pd.DataFrame) -> str:
-    """Ratios of the other solvers, in words."""
-    slower = equal[(equal["ratio"] > 1.0) & equal["status"].eq("ok")]
+def _others(equal: pd.DataFrame, target: float) -> str:
+    """Ratios of the other solvers at a target, in words."""
+    slower = equal[(equal["target"] == target) & (equal["ratio"] > 1.0)]
     parts = [
         f"{r['solver']} {times(r['ratio'])} times by steps, {times(r['ratio_whole'])} by whole calls"
         for r in records(slower)
@@ -131,32 +121,21 @@ def _findings(best: pd.DataFrame, equal: pd.DataFrame) -> list[str]:
         for r in records(best)
     ]
     target = _headline(best)
-    others = _others(equal[equal["target"] == target])
+    others = _others(equal, target)
     return [*said, *([f"{best['scene'].iloc[0]}, error {target:g}: {others}"] if others else [])]
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:
     """Error bound against CPU time, one line a solver: its front."""
-    fronts = {str(solver): front(own) for solver, own in rows[rows["in_turn"]].groupby("solver", sort=False)}
-    fronts = {solver: line for solver, line in fronts.items() if len(line)}
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        for solver, line in fronts.items():
-            axes.plot(
-                line["cpu_s"], line["error_bound"], label=solver, color=solver_colour(solver),
-                marker=solver_marker(solver), markersize=4,
-            )  # fmt: skip
-        axes.set(
-            xscale="log", yscale="log", xlabel="CPU time of the steps (s)", ylabel="relative error (bound)"
-        )
-        known = float(np.nanmax(rows["reference_error"]))
-        axes.axhline(
-            known, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)), label="uncertainty of the reference"
-        )
-        log_ticks(axes.xaxis, *axes.get_xlim())
-        log_ticks(axes.yaxis, *axes.get_ylim())
-        legend_below(figure, [axes], 3)
+        for solver, own in rows[rows["in_turn"]].groupby("solver", sort=False):
+            line, name = front(own), str(solver)
+            look = {"color": solver_colour(name), "marker": solver_marker(name), "markersize": 4}
+            axes.plot(line["cpu_s"], line["error_bound"], label=name, **look)
+        floor(axes, float(np.nanmax(rows["reference_error"])))
+        log_axes(figure, [axes], [("CPU time of the steps (s)", "relative error (bound)")])
 
     caption = f"{scene}: Pareto front of each solver, error bound against CPU time of the steps."
     return picture(f"front_{file_name(scene)}", caption, draw, (7.2, 4.4))

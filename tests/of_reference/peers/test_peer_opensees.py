@@ -268,7 +268,7 @@ def test_without_opensees_its_rows_say_so_and_the_rest_runs(monkeypatch):
 def two_rows():
     scene = at.Scene("s", [bar()], [at.Clamp("bar.start")], [at.Force("bar.end", (0.0, -1.0))])
     trials = [Trial(scene, name, (4,), integrator="static") for name in ("opensees", "anctmm")]
-    return [outcome.solution for outcome in Runner().sweep(trials)]
+    return Runner().solve_many(trials)
 
 
 # --- its process ---------------------------------------------------------------------------------------------

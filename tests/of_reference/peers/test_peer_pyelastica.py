@@ -237,8 +237,8 @@ def test_without_pyelastica_its_rows_say_so_and_the_rest_runs(monkeypatch):
     monkeypatch.delitem(sys.modules, "reference.pyelastica.model", raising=False)
     static = {"mesh": (4,), "element": "shear", "integrator": "static"}
     cases = [Trial(cantilever((0.0, -1.0)), name, **static) for name in ("pyelastica", "anctmm")]
-    peer, ours = Runner().sweep(cases)
-    assert str(peer.solution.status).startswith(
+    peer, ours = Runner().solve_many(cases)
+    assert str(peer.status).startswith(
         "unsupported: pyelastica is not installed; pip install 'anctmm[peers]'"
     )
-    assert ours.solution.status.ok
+    assert ours.status.ok

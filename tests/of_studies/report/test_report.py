@@ -1,10 +1,12 @@
 """The report of cases: one page, few files, no part outside of a narrow screen."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 from browser import Tab, needs_chromium
-from user_cases import DOUBLE_PENDULUM, THROWN_CHAIN
 
+import anctmm as at
 from studies.cases import find_case
 from studies.engine import provenance
 from studies.engine.runner import Runner
@@ -12,7 +14,7 @@ from studies.engine.study import Answer, Options, Result, StudyError
 from studies.engine.tables import Table, for_people, write_table
 from studies.report.page import html, page
 from studies.report.plots import picture, solver_colour
-from studies.report.whole import Done, defaults, join, run_all, run_study, write_report
+from studies.report.whole import Done, defaults, join, run_study, write_report
 
 FRAME = pd.DataFrame({
     "scene": ["a <b>", "a <b>"], "error": [1e-5, 1e-2], "reference_error": [1e-4, 1e-4], "cpu_s": [0.1, 0.2],
@@ -77,12 +79,26 @@ def test_a_study_that_fits_no_case_is_refused():
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """The report of two files that nobody tuned for."""
+    """The report of a mass on a spring and of a bar that turns, by one solver."""
     folder = tmp_path_factory.mktemp("report")
-    cases = tuple(find_case(file) for file in (DOUBLE_PENDULUM, THROWN_CHAIN))
-    done = list(run_all(cases, True, Runner(folder / "store", quick=True)))
+    bar = at.RigidBody("bar", 1.0, 0.02, (0.25, 0.0), points={"o": (0.0, 0.0), "tip": (0.5, 0.0)})
+    turning = at.Scene(
+        "a bar of rigid parts that turns about a pin", [bar], [at.Pin("bar.o")], gravity=(0, -9.81)
+    )
+    cases = (at.Case(turning, ["bar.tip"], t_end=0.1, output_dt=0.01), soft_arm())
+    runner = Runner(folder / "store", quick=True)
+    options = Options(quick=True, cases=cases)
+    names = ("convergence", "fidelity", "extremes")
+    done = [one for name in names for one in run_study(name, options, runner)]
+    done += run_study("trade", replace(options, solvers=("anctmm", "global-dae")), runner)
     write_report(done, folder / "report", True, ("my.py", None))
     return done, folder / "report"
+
+
+def soft_arm():
+    beam = at.Beam("arm", (0, 0), (0.4, 0), at.Circle(0.02), at.Material(E=1e8, density=1000.0))
+    scene = at.Scene("arm", [beam], [at.Pin("arm.start")], gravity=(0, -9.81))
+    return at.Case(scene, ["arm.end"], t_end=0.05, output_dt=0.005)
 
 
 @pytest.mark.slow

@@ -1,0 +1,267 @@
+"""Settings of a trade: meshes, steps and references by refinement, and every solver with every freedom on them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isinf, nan
+from typing import TypeVar
+
+import pandas as pd
+
+from anctmm.elements.kinds import KINDS, QUADRATURES
+from anctmm.errors import AnctmmError
+from anctmm.model.case import Case
+from anctmm.model.needs import features_of
+from anctmm.solvers import registry
+from anctmm.solvers.capabilities import NEWTON_TOLERANCES
+from studies.cases import place_name
+from studies.engine.meshes import explicit_limit, halfway, step_below
+from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup, offer_of, rests
+from studies.engine.runner import Runner
+from studies.engine.study import Options, StudyError
+from studies.engine.trials import Given, Mesh, Trial
+
+#: Target errors; the smallest by default, by whether the run is quick.
+TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+SMALLEST = {False: 1e-5, True: 1e-3}
+#: Part of the smallest target error that a reference may be uncertain by.
+SHARE = 0.3
+#: Errors in target errors: of levels too coarse for the largest, and fine enough for the smallest; levels at least.
+COARSE, FINE, FEWEST = 4.0, 0.1, 3
+#: Steps at most; doublings of the mesh in addition for a solver whose own element is of lower order.
+MOST_STEPS, MORE_MESHES = 5, 2
+#: Tolerances of the error-controlled steps; of a quick run.
+TOLERANCES = {False: (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), True: (1e-2, 1e-3, 1e-4)}
+
+Level = TypeVar("Level")
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Meshes, steps, references and targets of a case.
+
+    Parameters
+    ----------
+    case : Case
+    meshes : mapping of element to tuple of Mesh
+        From coarse to fine.
+    steps : tuple of float
+        From long to short, s.
+    references : mapping of element to Refined
+    targets : tuple of float
+        From the largest to the smallest.
+    """
+
+    case: Case
+    meshes: Mapping[str, tuple[Mesh, ...]]
+    steps: tuple[float, ...]
+    references: Mapping[str, Refined]
+    targets: tuple[float, ...]
+
+    def reference_of(self, element: str) -> Refined:
+        """The reference of an element, or of another one with the same continuum."""
+        return self.references[same_continuum(element, list(self.references))]
+
+
+def same_continuum(element: str, known: Sequence[str]) -> str:
+    """The element, of those with references, that has the continuum of another one."""
+    alike = (e for e in known if e in KINDS and KINDS[e].continuum == KINDS[element].continuum)
+    return element if element in known else next(alike, element)
+
+
+def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
+    """Refine a case with each element, and use the levels of the refinement as the settings to try.
+
+    Raises
+    ------
+    StudyError
+        If none of the probes moves.
+    """
+    smallest = options.error or SMALLEST[options.quick]
+    targets = (*(target for target in TARGETS if target > 1.01 * smallest), smallest)
+    runner.heading = f"{case.name}, reference: "
+    found = {
+        e: Refinement(case, Setup(element=e), runner).refined(SHARE * smallest)
+        for e in _models(case, options)
+    }
+    _check_moves(case, list(found.values()))
+    meshes = {e: options.meshes or _meshes(run, targets, options.quick) for e, run in found.items()}
+    if "cable" in meshes and not options.quick and case.scene.beams:  # of high order: coarser meshes suffice
+        meshes["quintic"] = options.meshes or meshes["cable"][: (len(meshes["cable"]) + 1) // 2]
+    first = next(iter(found.values()))
+    return Levels(
+        case, {e: those for e, those in meshes.items() if options.element in (None, e)},
+        options.steps or _steps(first, targets, options.quick), found, targets,
+    )  # fmt: skip
+
+
+def _models(case: Case, options: Options) -> tuple[str, ...]:
+    """Elements whose refined runs are references: one of each continuum asked for."""
+    if options.element:
+        return ("cable" if options.element == "quintic" else options.element,)
+    return ("cable",) if options.quick or not case.scene.beams else ("cable", "shear")
+
+
+def _check_moves(case: Case, found: Sequence[Refined]) -> None:
+    complete = [run.solution for run in found if run.solution.status.ok]
+    if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
+        raise StudyError(
+            f"case {case.name!r} has probes {', '.join(map(place_name, case.probes))}, none of which moves; "
+            f"errors are those of displacements, and a place that moves is needed"
+        )
+
+
+def _meshes(run: Refined, targets: Sequence[float], quick: bool) -> tuple[Mesh, ...]:
+    """Meshes of the levels up to that of a reference, and those halfway between them."""
+    if not run.known:
+        return (run.levels.mesh_at(0),)
+    levels = [run.levels.mesh_at(i) for i in range(run.i + 1)]
+    if quick:
+        return worth_trying(levels, run.mesh.error, run.levels.setup.mesh_order, targets)
+    between = [halfway(run.levels.case, mesh) for mesh in levels[:-1]] if run.levels.chooses_mesh else []
+    return tuple(sorted({*levels, *filter(None, between)}, key=sum))
+
+
+def _steps(run: Refined, targets: Sequence[float], quick: bool) -> tuple[float, ...]:
+    """Steps of the levels down to that of a reference, and those of two thirds, as whole parts of the output."""
+    levels = [run.levels.dt_at(run.i, j) for j in range(run.j + 1)]
+    if quick:
+        return worth_trying(levels, run.step.error, run.levels.setup.step_order, targets)
+    counts = [round(run.levels.case.interval / dt) for dt in levels[-MOST_STEPS:]]
+    counts += [3 * n // 2 for n in counts if n % 2 == 0]
+    return tuple(run.levels.case.interval / n for n in sorted(counts))
+
+
+def worth_trying(
+    levels: Sequence[Level], finest: float, order: float, targets: Sequence[float]
+) -> tuple[Level, ...]:
+    """Levels whose own error is near target errors, from coarse to fine, each half of the one before.
+
+    Left out are those that are too coarse for the largest target, and those that are finer than one that is good enough
+    for the smallest.
+
+    Parameters
+    ----------
+    levels : sequence
+        Meshes or steps.
+    finest : float
+        Error of the last of them.
+    order : float
+        By which errors fall.
+    targets : sequence of float
+    """
+    errors = [finest * 2.0 ** (order * k) for k in reversed(range(len(levels)))]
+    end = len(levels) - 1
+    first = next((k for k, error in enumerate(errors) if error <= COARSE * max(targets)), end)
+    last = next((k for k, error in enumerate(errors) if error <= FINE * min(targets)), end)
+    first = max(0, min(first, last - FEWEST + 1))
+    return tuple(levels[first : max(last, min(first + FEWEST - 1, end)) + 1])
+
+
+# --- the grid ------------------------------------------------------------------------------------------------
+
+
+def grid(levels: Levels, options: Options) -> pd.DataFrame:
+    """Every solver with every freedom that it offers, on the same meshes with the same steps: a row a setting.
+
+    Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); kind (solver, element
+    and way to step); round (place in the order of the runs, from coarse to fine).
+
+    Raises
+    ------
+    StudyError
+        If no solver offers the requested element and integrator.
+    """
+    late = {solver for solver, _ in not_timed(levels.case, options)}
+    solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
+    rows = [
+        row
+        for element in levels.meshes
+        for solver in solvers
+        for family, tightest in _families(solver, element, levels.case, options)
+        for row in _settings(levels, family, tightest, options.quick)
+    ]
+    if not rows:
+        asked = " ".join(filter(None, (options.element, options.integrator)))
+        raise StudyError(
+            f"--element and --integrator ask for {asked}; no solver of {', '.join(solvers)} offers that"
+        )
+    return pd.DataFrame(rows, columns=["trial", "tightest", "kind", "round"])
+
+
+def not_timed(case: Case, options: Options) -> Iterator[tuple[str, str]]:
+    """Solvers that take part only if they are asked for by name, and why."""
+    for solver in () if options.solvers else registry.names():
+        if slow := sorted(set(features_of(case.scene)) & offer_of(solver).slow_with):
+            things = ", ".join(f.replace("-", " ") for f in slow)
+            yield (
+                solver,
+                (
+                    f"{solver} is not timed: its model has {things} for verification and not for speed (as by Python "
+                    f"callbacks in each step); --solvers {solver} times it all the same."
+                ),
+            )
+
+
+def _families(solver: str, element: str, case: Case, options: Options) -> Iterator[tuple[Trial, bool]]:
+    """A trial without mesh and step for each way to step, and whether its bounds are the tightest."""
+    offer = offer_of(solver)
+    if (offer.element and element not in offer.limits) or offer.lacking({element}):
+        return
+    own = KINDS.get(offer.element_of(element))
+    rules = own.quadratures if own and own.quadratures and case.scene.beams else QUADRATURES[:1]
+    for quadrature in rules[-1:] if options.quick else rules:
+        for integrator in offer.integrators:
+            if options.integrator in (None, integrator):
+                plain = Trial.of(
+                    case, solver, (), element=element, quadrature=quadrature, integrator=integrator
+                )
+                for given, tightest in _choices(solver, integrator, options.quick):
+                    yield replace(plain, options=given), tightest
+
+
+def _choices(solver: str, integrator: str, quick: bool) -> Iterator[tuple[Given, bool]]:
+    """Bounds of the iteration, the tightest first, and tolerances of error control."""
+    if integrator == EXPLICIT:
+        yield (), True
+        return
+    yield from ((given, k == 0) for k, given in enumerate(choices_of(solver)))
+    for tolerance in TOLERANCES[quick]:
+        yield (("tolerance", tolerance), ("newton_tolerance", NEWTON_TOLERANCES[-1])), True
+
+
+def choices_of(solver: str) -> list[Given]:
+    """Options of each choice of a solver's implicit runs, the one with the tightest bounds first."""
+    try:
+        return [tuple(choice.items()) for choice in registry.offer_of(registry.load(solver)).choices]
+    except AnctmmError:  # a solver that cannot be loaded: its rows say why
+        return [()]
+
+
+def _settings(levels: Levels, family: Trial, tightest: bool, quick: bool) -> Iterator[tuple[object, ...]]:
+    stepping = family.integrator + (", error-controlled" if family.error_controlled else "")
+    kind = family.solver, family.element, stepping
+    for k, mesh in enumerate(_meshes_of(levels, family, quick)):
+        on_mesh = replace(family, mesh=mesh)
+        steps = (nan,) if family.error_controlled else steps_of(levels, on_mesh)
+        for j, dt in enumerate(steps):
+            yield replace(on_mesh, dt=dt), tightest, kind, (k, j)
+
+
+def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:
+    """Meshes from coarse to fine; finer ones where the solver's own element is of lower order."""
+    meshes = levels.meshes[family.element]
+    order = offer_of(family.solver).order_of(family.element)
+    if order >= KINDS[family.element].order or len(meshes) < 2 or quick:
+        return meshes
+    return (*meshes, *(tuple(2**k * n for n in meshes[-1]) for k in range(1, MORE_MESHES + 1)))
+
+
+def steps_of(levels: Levels, trial: Trial) -> tuple[float, ...]:
+    """Steps on a mesh, s: explicit ones take the largest safe step and half of it."""
+    if trial.integrator != EXPLICIT:
+        return levels.steps
+    limit = explicit_limit(levels.case, trial.by_body, element=trial.element, quadrature=trial.quadrature)
+    if isinf(limit):
+        return levels.steps
+    largest = step_below(levels.case, limit)
+    return largest, largest / 2.0
