@@ -255,20 +255,21 @@ def explicit_steps(equations: Equations, first: int, tables: Tables, history: Hi
         power, before = 0.0, m.power[0]
         for i in range(n):
             power += m.damping[i] * m.v[i]
+            m.change[i] = m.right[i]
         for j in range(len(m.mu)):
             m.right[n + j] = s.scale * tables.acceleration[k, j]
-        m.change[:] = m.right[:n]
         if not bounded(m.right):
             return k
         solve(equations)
         if not bounded(m.left):
             return k
         m.counts[FACTORIZATIONS] += int(s.dense)
-        m.a[:] = m.left[:n]
-        m.mu[:] = m.left[n:]
-        if first + k == 0:
-            m.auxiliary[:] = m.a
-            before = -power
+        for i in range(n):
+            m.a[i] = m.left[i]
+            m.auxiliary[i] = m.a[i] if first + k == 0 else m.auxiliary[i]
+        for j in range(len(m.mu)):
+            m.mu[j] = m.left[n + j]
+        before = -power if first + k == 0 else before
         m.power[0] = power
         store(m, history, k, s.scale, 0.5 * s.h * (power + before))
     return len(tables.b)
