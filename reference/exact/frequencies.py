@@ -3,14 +3,17 @@
 All are angular frequencies in rad/s, ascending; the rigid modes of free beams, at zero, are left out.
 """
 
-from math import ceil, cos, cosh, pi, sqrt, tan, tanh
+from math import cos, cosh, pi, sqrt, tan, tanh
 
 import numpy as np
+from numpy.polynomial import Legendre, Polynomial
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from anctmm.errors import UnknownOptionError
 from anctmm.validation import one_of, positive
+from reference.exact.legendre import gauss
 
 Array = NDArray[np.float64]
 
@@ -18,6 +21,8 @@ Array = NDArray[np.float64]
 HELD = {"clamped": (0, 1), "pinned": (0,), "free": ()}
 BENDING = ("clamped-clamped", "clamped-free", "clamped-pinned", "free-free", "pinned-pinned")
 AXIAL = ("clamped-clamped", "clamped-free", "free-free")
+#: Degree of polynomials, to which four are added for each frequency.
+DEGREE = 16
 
 
 def euler_bernoulli_frequencies(
@@ -110,93 +115,32 @@ def timoshenko_frequencies(
 
     Notes
     -----
-    The number of frequencies below a trial ω is the number of negative eigenvalues of the exact dynamic stiffness
-    matrix, the beam being cut into elements too short to vibrate by themselves (Wittrick & Williams 1971,
-    DOI 10.1093/qjmam/24.3.263). Bisection of that number misses no frequency, also not above the shear cut-off or
-    where two coincide, as a search for the roots of a determinant may. In lengths of L and ω = b √(EI/ρA)/L²,
-    with S = EI/(GA L²) and R = ρI/(ρA L²), the waves e^{ps} have p⁴ + b²(S + R) p² − b²(1 − b²RS) = 0
-    (Timoshenko 1921).
+    By Ritz's method in polynomials of a high degree, of lengths of L and ω = b √(EI/ρA)/L² with S = EI/(GA L²) and
+    R = ρI/(ρA L²): ∫ φ'² + (w' − φ)²/S = b² ∫ w² + R φ².
     """
     one_of("ends", ends, BENDING)
     scale = _scale(length, bending, mass_per_length)
     S = bending / (positive("shear (N)", shear) * length**2)
     R = positive("rotary_inertia (kg m)", rotary_inertia) / (mass_per_length * length**2)
-    rigid = 2 if ends == "free-free" else 0
-    return scale * np.array([_bisect(ends, k + rigid, S, R) for k in range(1, _count(count) + 1)])
+    rigid, degree = (2 if ends == "free-free" else 0), DEGREE + 4 * _count(count)
+    x, weights = gauss(degree + 2)
+    first, last = (HELD[end] for end in ends.split("-"))
+    (w, slope), (phi, bend) = (_polynomials(x, degree, k in first, k in last) for k in (0, 1))
+    zero = np.zeros_like
+    strains = np.vstack([np.hstack([zero(w), bend]), np.hstack([slope, -phi]) / sqrt(S)])
+    motions = np.vstack([np.hstack([w, zero(phi)]), sqrt(R) * np.hstack([zero(w), phi])])
+    both = np.tile(weights, 2)[:, None]
+    values = eigh(strains.T @ (both * strains), motions.T @ (both * motions), eigvals_only=True)
+    return np.asarray(scale * np.sqrt(values[rigid : rigid + count]))
 
 
-def _bisect(ends: str, k: int, S: float, R: float) -> float:
-    """The dimensionless frequency below which there are k − 1 others, to rounding."""
-    low, high = 0.0, 1.0
-    while _below(ends, high, S, R) < k:
-        low, high = high, 2.0 * high
-    while high - low > 4e-16 * high:
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
-        low, high = (middle, high) if _below(ends, middle, S, R) < k else (low, middle)
-    return 0.5 * (low + high)
-
-
-def _below(ends: str, b: float, S: float, R: float) -> int:
-    """Number of frequencies below b: negative eigenvalues of the assembled dynamic stiffness."""
-    n = _elements(b, S, R)
-    element = _dynamic_stiffness(b, S, R, 1.0 / n)
-    K = np.zeros((2 * n + 2, 2 * n + 2))
-    for e in range(n):
-        K[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += element
-    first, last = ends.split("-")
-    K = np.delete(K, [*HELD[first], *(2 * n + i for i in HELD[last])], axis=0)
-    K = np.delete(K, [*HELD[first], *(2 * n + i for i in HELD[last])], axis=1)
-    return int((np.linalg.eigvalsh(K) < 0.0).sum()) if K.size else 0
-
-
-def _elements(b: float, S: float, R: float) -> int:
-    """Number of elements that have no frequency up to b with both their ends clamped.
-
-    With ‖φ‖ ≤ l/π ‖φ'‖ and ‖w‖ ≤ l/π (‖w' − φ‖ + ‖φ‖), Rayleigh's quotient is at least
-    1/max(2 S q, 2 q² + R q) at q = (l/π)².
-    """
-    q = min(0.5 / (S * b**2), 2.0 / (b**2 * (R + sqrt(R**2 + 8.0 / b**2))))
-    return max(2, ceil(1.01 / (pi * sqrt(q))))
-
-
-def _dynamic_stiffness(b: float, S: float, R: float, l: float) -> Array:  # noqa: E741
-    """Exact stiffness of one element at the frequency b, by (w, φ) of its ends, (4, 4).
-
-    The four waves are taken even and odd about the middle, and in combinations that stay independent where
-    the second kind turns from evanescent to travelling, at b²RS = 1.
-    """
-    travelling = -0.5 * (b**2 * (S + R) + sqrt(b**4 * (S - R) ** 2 + 4.0 * b**2))
-    other = -(b**2) * (1.0 - b**2 * R * S) / travelling
-    even, odd = [], []
-    for p2 in (travelling, other):
-        c, s = _cosh_sinh(p2, 0.5 * l)
-        g = p2 + b**2 * S
-        # w, φ, M = φ', Q = (w' − φ)/S at the right end; w' − φ = −b² S ∫w
-        even.append((c, g * s, g * c, -(b**2) * s))
-        odd.append((p2 * s, g * c, g * p2 * s, -(b**2) * c))
-    return _assemble(np.array(even).T, np.array(odd).T)
-
-
-def _cosh_sinh(p2: float, t: float) -> tuple[float, float]:
-    """Cosh pt and (sinh pt)/p, up to a common factor, for p² of either sign."""
-    p = sqrt(abs(p2))
-    if p2 > 0.0:
-        return 1.0, tanh(p * t) / p
-    return cos(p * t), t * float(np.sinc(p * t / pi))
-
-
-def _assemble(even: Array, odd: Array) -> Array:
-    """Stiffness from (w, φ, M, Q) at the right end of two even and two odd waves.
-
-    An even w has an odd φ: at the left end w and M are the same, φ and Q opposite; forces on the element are
-    (−Q, −M) at the left and (Q, M) at the right end.
-    """
-    same, opposite = (np.array([waves[3], waves[2]]) @ np.linalg.inv(waves[:2]) for waves in (even, odd))
-    mirror = np.diag([1.0, -1.0])
-    total, difference = 0.5 * (same + opposite), 0.5 * (same - opposite)
-    return np.block([[mirror @ total @ mirror, mirror @ difference], [difference @ mirror, total]])
+def _polynomials(x: Array, degree: int, first: bool, last: bool) -> tuple[Array, Array]:
+    """Polynomials that vanish at the ends that are held, and their derivatives, at points, (points, degree + 1)."""
+    bubble = Polynomial([0.0, 1.0]) ** int(first) * Polynomial([1.0, -1.0]) ** int(last)
+    series = [Legendre.basis(k, domain=[0.0, 1.0]) for k in range(degree + 1)]
+    values = [bubble(x) * p(x) for p in series]
+    slopes = [bubble(x) * p.deriv()(x) + bubble.deriv()(x) * p(x) for p in series]
+    return np.array(values).T, np.array(slopes).T
 
 
 def _scale(length: float, bending: float, mass_per_length: float) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.elements.kinds import optional_beside
-from anctmm.model.scene import Beam, Scene, checked_scene
+from anctmm.model.scene import Beam, Scene
 from anctmm.results.accounting import accounted
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
@@ -53,23 +53,21 @@ def solve(
     scene : Scene
         Beams joined in any way: chains, trees, loops, several components.
     run : Discretisation, optional
-        "generalized-alpha" with fixed steps. `newton_tolerance` is not used: Exudyn bounds residuals.
+        Or its fields as keywords. "generalized-alpha" with fixed steps. `newton_tolerance` is not used: Exudyn bounds
+        residuals.
     tolerances : (float, float), optional
         Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
         1e-9 or what rounding leaves, if that is more.
     newton : str
         When Newton's iteration takes a new tangent: "modified", where it converges too slowly; "each-step", at
         the start of each step; "full", at each correction.
-    **options
-        The fields of the discretisation, in its place.
 
     Returns
     -------
     Solution
         With status "unsupported" where Exudyn cannot do the scene.
     """
-    run = discretise(run, options)
-    return _of_cables(Cables(scene, run).adapter(tolerances=tolerances, newton=newton).solution())
+    return Cables(scene, discretise(run, options), tolerances=tolerances, newton=newton).solution()
 
 
 @accounted
@@ -83,48 +81,27 @@ def solve_static(
     scene : Scene
         Loads and drives as they are at t = 0.
     run : Discretisation, optional
-        Its mesh and quadrature are used.
+        Or its fields as keywords; mesh and quadrature are used.
     load_steps : int
         Equal steps of the load; Exudyn takes smaller ones where Newton fails.
-    **options
-        The fields of the discretisation, in its place.
     """
-    run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    return _of_cables(Cables(scene, run).adapter(static=True, load_steps=load_steps).solution())
-
-
-def _of_cables(found: Solution) -> Solution:
-    """The same with the element that was used, by which forces are found from it."""
-    return found if found.run is None else replace(found, run=replace(found.run, element="cable"))
-
-
-class CableAdapter(ExudynAdapter):
-    """A scene in Exudyn with cables."""
-
-    name: ClassVar[str] = "exudyn-cable"
-    offer: ClassVar[Offer] = OFFER
+    return Cables(scene, discretise(run, options), True, parts_of_load(load_steps)).solution()
 
 
 @dataclass
-class Cables:
-    """`ObjectANCFCable2D`s over a scene; a node's coordinates are x, y and the gradient's x, y."""
+class Cables(ExudynAdapter):
+    """A scene in Exudyn with `ObjectANCFCable2D`s; a node's coordinates are x, y and the gradient's x, y."""
 
-    scene: Scene
-    run: Discretisation
+    name: ClassVar[str] = "exudyn-cable"
+    offer: ClassVar[Offer] = OFFER
     width: ClassVar[int] = 4
     kind: ClassVar[str] = "cable"
     constant_torques: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        self.counts = {name: count for name, (count, _) in self.run.of(checked_scene(self.scene)).items()}
-
-    def adapter(self, **options: Any) -> CableAdapter:
-        """The adapter with these beams."""
-        return CableAdapter(self.scene, self.run, beams=self, **options)
-
-    def length(self, body: Beam) -> float:
-        """Length of each of a body's elements, m."""
-        return body.length / self.counts[body.name]
+    def solution(self) -> Solution:
+        """The answer, with the element that was used, by which forces are found from it."""
+        found = super().solution()
+        return found if found.run is None else replace(found, run=replace(found.run, element="cable"))
 
     def reference(self, body: Beam) -> Array:
         """Reference coordinates, (nodes, 4)."""
@@ -163,22 +140,17 @@ class Cables:
             for q, v in zip(self.reference(body), velocity, strict=True)
         ]
         EA, EI = material.E * section.area, material.E * section.second_moment
-        elements = [
-            model.mbs.AddObject(
-                items.ObjectANCFCable2D(
-                    nodeNumbers=list(pair),
-                    length=self.length(body),
-                    massPerLength=material.density * section.area,
-                    axialStiffness=EA,
-                    bendingStiffness=EI,
-                    axialDamping=material.damping * EA,
-                    bendingDamping=material.damping * EI,
-                    useReducedOrderIntegration=QUADRATURE[self.run.quadrature],
-                )
-            )
-            for pair in pairwise(nodes)
-        ]
-        return nodes, elements
+        constants = {
+            "length": self.length(body),
+            "massPerLength": material.density * section.area,
+            "axialStiffness": EA,
+            "bendingStiffness": EI,
+            "axialDamping": material.damping * EA,
+            "bendingDamping": material.damping * EI,
+            "useReducedOrderIntegration": QUADRATURE[self.run.quadrature],
+        }
+        elements = [items.ObjectANCFCable2D(nodeNumbers=list(pair), **constants) for pair in pairwise(nodes)]
+        return nodes, [model.mbs.AddObject(element) for element in elements]
 
     def welded(self, angle: float) -> Array:
         """The gradient is turned; positions are equal."""

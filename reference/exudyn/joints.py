@@ -7,9 +7,8 @@ gradient is fixed by equations, as in the other solvers, and so are driven welds
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
-from math import cos, sin
+from math import atan2, cos, sin
 from typing import Any
 
 import numpy as np
@@ -69,64 +68,54 @@ def _coincide(model: Model, places: Sequence[Place], grounded: bool) -> None:
         if node is not None and not isinstance(places[0].body, RigidBody):
             _fix(model, node, range(2))
         else:
-            ends = [model.on_body(None, places[0].position), model.point(places[0])]
-            model.mbs.AddObject(model.items.ObjectJointRevolute2D(markerNumbers=ends))
+            _hinge(model, model.on_body(None, places[0].position), model.point(places[0]))
     for one, two in pairwise(places):
         if any(isinstance(place.body, RigidBody) for place in (one, two)):
-            ends = [model.point(one), model.point(two)]
-            model.mbs.AddObject(model.items.ObjectJointRevolute2D(markerNumbers=ends))
+            _hinge(model, model.point(one), model.point(two))
         else:
             for index in range(2):
-                ends = [model.coordinate(model.node_at(place), index) for place in (one, two)]
-                model.mbs.AddObject(model.items.CoordinateConstraint(markerNumbers=ends))
+                _tie(model, *(model.coordinate(model.node_at(place), index) for place in (one, two)))
+
+
+def _hinge(model: Model, *markers: Any) -> None:
+    """Two markers at one point."""
+    model.mbs.AddObject(model.items.ObjectJointRevolute2D(markerNumbers=[*markers]))
+
+
+def _tie(model: Model, *markers: Any, factor: float = 1.0) -> Any:
+    """One coordinate is another one times a factor; the constraint."""
+    item = model.items.CoordinateConstraint(markerNumbers=[*markers], factorValue1=factor)
+    return model.mbs.AddObject(item)
 
 
 def _fix(model: Model, node: Any, coordinates: Sequence[int]) -> list[Any]:
     """Hold coordinates of a node at their reference; the constraints."""
-    found = []
-    for index in coordinates:
-        markers = [model.ground, model.coordinate(node, index)]
-        found.append(model.mbs.AddObject(model.items.CoordinateConstraint(markerNumbers=markers)))
-    return found
+    return [_tie(model, model.ground, model.coordinate(node, index)) for index in coordinates]
 
 
 def _clamp(model: Model, joint: Clamp, place: Place, history: Array | None) -> None:
     body, node = place.body, model.node_at(place)
     if isinstance(body, RigidBody):
         _coincide(model, [place], True)
-        (item,) = _fix(model, node, [2])
-        if history is not None:
-            model.each_step(_setter(model, item, "offset", lambda k: float(history[k])))
+        _set_at_steps(model, _fix(model, node, [2])[0], "offset", history)
         return
     assert isinstance(body, Beam)
     _fix(model, node, range(2))
-    turned = model.beams.turned(body)
-    for index, item in zip(turned, _fix(model, node, [*turned]), strict=True):
-        displacement = turned[index]
-        if history is None:
-            continue
-        if (
-            type(joint.angle) is Quintic and not model.static
-        ):  # what a subclass of the user's does is not known
+    moves = model.beams.turned(body)
+    for item, displacement in zip(_fix(model, node, [*moves]), moves.values(), strict=True):
+        # what a subclass of the user's does is not known
+        if type(joint.angle) is Quintic and not model.static:
             expression = _symbolic_offset(model.exu.symbolic, joint.angle, displacement)
             model.compiled.append((item, "offsetUserFunction", expression))
-        else:
-            moved = np.array([displacement(angle, np) for angle in history])
-            model.each_step(_setter(model, item, "offset", partial(_scaled, moved, 1.0)))
+        elif history is not None:
+            _set_at_steps(model, item, "offset", displacement(history, np))
 
 
-def _scaled(history: Array, factor: float, step: int) -> float:
-    return float(factor * history[step])
-
-
-def _setter(model: Model, item: Any, name: str, value: Callable[[int], Any]) -> Callable[[int, float], None]:
-    """What sets a parameter of an object at each step."""
-
-    def update(step: int, t: float) -> None:
-        if step < model.run.steps + 1:
-            model.mbs.SetObjectParameter(item, name, value(step))
-
-    return update
+def _set_at_steps(model: Model, item: Any, name: str, values: Array | None) -> None:
+    """Set a parameter of an object at the beginning of each step; None has nothing to set."""
+    if values is not None:
+        steps = values.tolist()
+        model.each_step(lambda k, t: k < len(steps) and model.mbs.SetObjectParameter(item, name, steps[k]))
 
 
 def _symbolic_offset(
@@ -153,8 +142,8 @@ def _weld(model: Model, one: Place, two: Place, history: Array | None) -> None:
                 markerNumbers=[model.rigid(one), model.rigid(two)], constrainedAxes=[1, 1, 0, 0, 0, 1]
             )
         )
-        if history is not None:
-            model.each_step(_setter(model, item, "rotationMarker0", lambda k: axes(history[k])))
+        turns = None if history is None else np.array([axes(angle) for angle in history])
+        _set_at_steps(model, item, "rotationMarker0", turns)
     else:
         first, second = frame_of(model, one), frame_of(model, two)
         add_equations(
@@ -168,8 +157,7 @@ def _weld_beams(model: Model, one: Place, two: Place) -> None:
     matrix = model.beams.welded(angle_of(two) - angle_of(one))
     if np.array_equal(matrix, np.eye(len(matrix))):
         for index in range(len(matrix)):
-            ends = [model.coordinate(node, index) for node in nodes]
-            model.mbs.AddObject(model.items.CoordinateConstraint(markerNumbers=ends))
+            _tie(model, *(model.coordinate(node, index) for node in nodes))
         return
     markers = [model.items.MarkerNodeCoordinates(nodeNumber=node) for node in nodes]
     model.mbs.AddObject(
@@ -232,14 +220,13 @@ def _guide_of_node(model: Model, guide: Guide, place: Place, history: Array | No
         _fix(model, node, range(2, model.beams.width))
     if history is not None:
         for item, part in zip(_fix(model, node, range(2)), guide.direction, strict=True):
-            model.each_step(_setter(model, item, "offset", partial(_scaled, history, part)))
+            _set_at_steps(model, item, "offset", part * history)
         return
     # the component of which the line has less follows the other
     steep = abs(y) > abs(x)
     along, across = (model.coordinate(node, index) for index in ((1, 0) if steep else (0, 1)))
     slope = x / y if steep else y / x
-    tied = [across, along] if slope else [model.ground, across]
-    model.mbs.AddObject(model.items.CoordinateConstraint(markerNumbers=tied, factorValue1=slope or 1.0))
+    _tie(model, *([across, along] if slope else [model.ground, across]), factor=slope or 1.0)
 
 
 def _at(model: Model, history: Array | None) -> Callable[[float], float]:
@@ -254,7 +241,7 @@ def _at(model: Model, history: Array | None) -> Callable[[float], float]:
 
 @dataclass(frozen=True)
 class Frame:
-    """What joins to a node: a point that moves with it, and a direction.
+    """What joins to a node: a point that moves with it, and a direction, by its coordinates (…, width).
 
     Parameters
     ----------
@@ -280,28 +267,17 @@ class Frame:
         """Number of its coordinates."""
         return {"cable": 4, "turning": 3, "point": 2}[self.kind]
 
-    def position(self, q: Array) -> tuple[Array, Array]:
-        """Position (2,), m, and its derivative by the coordinates, (2, width)."""
-        slope = np.eye(2, self.width)
-        if self.kind != "turning":
-            return q[:2], slope
-        turned = rotation(q[2] - self.angle) @ self.arm
-        slope[:, 2] = QUARTER @ turned
-        return q[:2] + turned, slope
+    def position(self, q: Array) -> Array:
+        """Position, (…, 2), m."""
+        return q[..., :2] + turned(self.arm, q[..., 2] - self.angle) if self.kind == "turning" else q[..., :2]
 
-    def gradient(self, q: Array) -> tuple[Array, Array]:
-        """Direction, of a cable with its stretch, (2,), and its derivative."""
-        slope = np.zeros((2, self.width))
-        if self.kind == "cable":
-            slope[:, 2:] = np.eye(2)
-            return q[2:], slope
-        turned = rotation(q[2] - self.angle) @ self.direction
-        slope[:, 2] = QUARTER @ turned
-        return turned, slope
+    def gradient(self, q: Array) -> Array:
+        """Direction, of a cable with its stretch, (…, 2)."""
+        return q[..., 2:] if self.kind == "cable" else turned(self.direction, q[..., 2] - self.angle)
 
 
-Equations = Callable[[float, Array, Array], tuple[Array, Array]]
-"""(t, coordinates of the one node, of the other) → residuals (n,) and their derivative, (n, both widths)."""
+Equations = Callable[[float, Array, Array], Array]
+"""(t, coordinates of the one node, of the other) → residuals (…, n)."""
 
 
 def frame_of(model: Model, place: Place) -> Frame:
@@ -317,64 +293,50 @@ def frame_of(model: Model, place: Place) -> Frame:
 
 def coincide(one: Frame, two: Frame) -> Equations:
     """Both points at one place."""
-
-    def equations(t: float, p: Array, q: Array) -> tuple[Array, Array]:
-        (a, A), (b, B) = one.position(p), two.position(q)
-        return b - a, np.hstack([-A, B])
-
-    return equations
+    return lambda t, p, q: two.position(q) - one.position(p)
 
 
 def aligned(one: Frame, two: Frame, turn: Callable[[float], float]) -> Equations:
     """The second direction is the first, turned as in the reference and by an angle of time."""
-    between = complex(*two.direction) / complex(*one.direction)
-    between /= abs(between)
+    (a, b), (x, y) = one.direction, two.direction
+    between = atan2(a * y - b * x, a * x + b * y)
 
-    def equations(t: float, p: Array, q: Array) -> tuple[Array, Array]:
-        R = rotation(turn(t)) @ np.array([[between.real, -between.imag], [between.imag, between.real]])
-        (a, A), (b, B) = one.gradient(p), two.gradient(q)
+    def equations(t: float, p: Array, q: Array) -> Array:
         if "cable" in (one.kind, two.kind):
-            return b - R @ a, np.hstack([-R @ A, B])
-        angle = q[2] - two.angle - p[2] + one.angle - turn(t)
-        return np.array([angle]), np.array([[0.0, 0.0, -1.0, 0.0, 0.0, 1.0]])
+            return two.gradient(q) - turned(one.gradient(p), turn(t) + between)
+        return (q[..., 2] - two.angle - p[..., 2] + one.angle - turn(t))[..., None]
 
     return equations
 
 
 def on_line(body: Frame, place: Frame, along: Array, position: Callable[[float], float] | None) -> Equations:
     """A place on a line of a body through that body's point, at a position of time along it if there is one."""
-    across = QUARTER @ along
-    rows = across[None] if position is None else np.stack([across, along])  # in the axes of the body
 
-    def equations(t: float, p: Array, q: Array) -> tuple[Array, Array]:
-        (a, A), (b, B) = body.position(p), place.position(q)
-        into, apart = rows @ rotation(p[2] - body.angle).T, b - a
-        slope = np.hstack([-into @ A, into @ B])
-        slope[:, 2] -= into @ (QUARTER @ apart)
-        values = into @ apart
-        if position is not None:
-            values[1] -= position(t)
-        return values, slope
+    def equations(t: float, p: Array, q: Array) -> Array:
+        apart = turned(
+            place.position(q) - body.position(p), body.angle - p[..., 2]
+        )  # in the axes of the body
+        across = apart @ (QUARTER @ along)
+        return np.stack([across] if position is None else [across, apart @ along - position(t)], axis=-1)
 
     return equations
 
 
 def add_equations(model: Model, one: Frame, two: Frame, *parts: Equations) -> None:
-    """Add equations between two nodes as one of Exudyn's constraints."""
-    width = one.width
+    """Add equations between two nodes as one of Exudyn's constraints; their derivative is found by complex steps."""
+    width, items = one.width, model.items
+    steps = 1e-30j * np.eye(one.width + two.width)
 
-    def split(q: Any) -> tuple[Array, Array]:
-        q = np.asarray(q, dtype=float)
-        return q[:width], q[width:]
+    def residuals(t: float, q: Array) -> Array:
+        return np.concatenate([part(t, q[..., :width], q[..., width:]) for part in parts], axis=-1)
 
     def value(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Array:
-        return np.concatenate([part(t, *split(q))[0] for part in parts])
+        return residuals(t, np.asarray(q, dtype=float))
 
     def slope(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Array:
-        return np.concatenate([part(t, *split(q))[1] for part in parts])
+        return np.ascontiguousarray(residuals(t, np.asarray(q, dtype=float) + steps).imag.T / 1e-30)
 
-    count = sum(len(part(0.0, *(np.ones(f.width) for f in (one, two)))[0]) for part in parts)
-    items = model.items
+    count = len(residuals(0.0, np.ones(one.width + two.width)))
     markers = [items.MarkerNodeCoordinates(nodeNumber=frame.node) for frame in (one, two)]
     model.mbs.AddObject(
         items.ObjectConnectorCoordinateVector(
@@ -387,7 +349,7 @@ def add_equations(model: Model, one: Frame, two: Frame, *parts: Equations) -> No
     )
 
 
-def rotation(angle: float) -> Array:
-    """Matrix that turns by an angle, rad."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
+def turned(vector: Array, angle: Any) -> Array:
+    """Vectors, (…, 2), turned by angles, (…,), rad."""
+    c, s, x, y = np.cos(angle), np.sin(angle), vector[..., 0], vector[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)

@@ -153,7 +153,7 @@ class Model:
     nodes: dict[str, list[Any]] = field(default_factory=dict)
     objects: dict[str, list[Any]] = field(default_factory=dict)
     """By body: the elements of a beam, or the one object of another."""
-    updates: list[Callable[[int, float], None]] = field(default_factory=list)
+    updates: list[Callable[[int, float], Any]] = field(default_factory=list)
     """What is set at the beginning of a step, by its number and time; in statics by the load factor as time."""
     compiled: list[tuple[Any, str, Callable[..., Any]]] = field(default_factory=list)
     """Items, their user functions and expressions that Exudyn compiles after it has assembled."""
@@ -199,7 +199,7 @@ class Model:
         steps = np.arange(1 if self.static else self.run.steps + 1)
         return tabulate(name, function, self.run.times(steps), width)
 
-    def each_step(self, update: Callable[[int, float], None]) -> None:
+    def each_step(self, update: Callable[[int, float], Any]) -> None:
         """Set something now and at the beginning of each step, by its number (0 in statics) and time."""
         update(0, 0.0)
         self.updates.append(update)

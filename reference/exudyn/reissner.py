@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.elements.kinds import optional_beside
 from anctmm.errors import DiscretisationError, shown
-from anctmm.model.scene import Beam, Scene, checked_scene
+from anctmm.model.scene import Beam, Scene
 from anctmm.results.accounting import accounted
 from anctmm.results.fields import LagrangeField
 from anctmm.results.solution import Solution
@@ -56,23 +56,21 @@ def solve(
     ----------
     scene : Scene
     run : Discretisation, optional
-        As for `exudyn_cable.solve`; its `element` and `quadrature` are not used.
+        Or its fields as keywords, as for `exudyn_cable.solve`; `element` and `quadrature` are not used.
     order : int
         1: two nodes and one Gauss point an element; 2: three nodes and two points.
     shear_factor : float
         k of the shear stiffness kGA; 1 is what the paper's element tends to.
     tolerances, newton
         As for `exudyn_cable.solve`.
-    **options
-        The fields of the discretisation, in its place.
 
     Returns
     -------
     Solution
         With status "unsupported" where Exudyn cannot do the scene.
     """
-    beams = ReissnerBeams(scene, discretise(run, options), order, shear_factor)
-    return beams.adapter(tolerances=tolerances, newton=newton).solution()
+    own: Any = {"order": order, "shear_factor": shear_factor, "tolerances": tolerances, "newton": newton}
+    return ReissnerBeams(scene, discretise(run, options), **own).solution()
 
 
 @accounted
@@ -92,50 +90,33 @@ def solve_static(
     scene : Scene
         Loads and drives as they are at t = 0.
     run : Discretisation, optional
-        Its mesh is used.
+        Or its fields as keywords; its mesh is used.
     load_steps : int
         Equal steps of the load; Exudyn takes smaller ones where Newton fails.
     order, shear_factor
         As for `solve`.
-    **options
-        The fields of the discretisation, in its place.
     """
-    beams = ReissnerBeams(scene, discretise(run, options), order, shear_factor)
-    return beams.adapter(static=True, load_steps=parts_of_load(load_steps)).solution()
-
-
-class ReissnerAdapter(ExudynAdapter):
-    """A scene in Exudyn with Reissner beams."""
-
-    name: ClassVar[str] = "exudyn-reissner"
-    offer: ClassVar[Offer] = OFFER
+    own: Any = {"order": order, "shear_factor": shear_factor}
+    return ReissnerBeams(scene, discretise(run, options), True, parts_of_load(load_steps), **own).solution()
 
 
 @dataclass
-class ReissnerBeams:
-    """`ObjectBeamGeometricallyExact2D`s over a scene; a node has x, y and the angle of its section."""
+class ReissnerBeams(ExudynAdapter):
+    """A scene with `ObjectBeamGeometricallyExact2D`s; a node has x, y and the angle of its section."""
 
-    scene: Scene
-    run: Discretisation
     order: int = 2
     shear_factor: float = 1.0
+    name: ClassVar[str] = "exudyn-reissner"
+    offer: ClassVar[Offer] = OFFER
     width: ClassVar[int] = 3
     kind: ClassVar[str] = "turning"
     constant_torques: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if type(self.order) is not int or self.order not in WEIGHT:
             raise DiscretisationError(f"order is {shown(self.order)}; 1 or 2 is allowed")
         self.shear_factor = positive("shear_factor", self.shear_factor, DiscretisationError)
-        self.counts = {name: count for name, (count, _) in self.run.of(checked_scene(self.scene)).items()}
-
-    def adapter(self, **options: Any) -> ReissnerAdapter:
-        """The adapter with these beams."""
-        return ReissnerAdapter(self.scene, self.run, beams=self, **options)
-
-    def length(self, body: Beam) -> float:
-        """Length of each of a body's elements, m."""
-        return body.length / self.counts[body.name]
 
     def reference(self, body: Beam) -> Array:
         """Reference coordinates, (nodes, 3)."""
@@ -166,30 +147,25 @@ class ReissnerBeams:
     def add(self, model: Model, body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
         """Add a body's nodes and elements."""
         items, section, material = model.items, body.section, body.material
-        EA, EI = material.E * section.area, material.E * section.second_moment
-        GA, tau = self.shear_factor * material.lame[1] * section.area, material.damping
         nodes = [
             model.mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=q, initialVelocities=v))
             for q, v in zip(self.reference(body), velocity, strict=True)
         ]
-        elements = [
-            model.mbs.AddObject(
-                items.ObjectBeamGeometricallyExact2D(
-                    nodeNumbers=nodes[first : first + self.order + 1],
-                    length=self.length(body),
-                    massPerLength=material.density * section.area,
-                    crossSectionInertia=material.density * section.second_moment,
-                    axialStiffness=EA,
-                    shearStiffness=GA,
-                    bendingStiffness=EI,
-                    axialDamping=tau * EA,
-                    shearDamping=tau * GA,
-                    bendingDamping=tau * EI,
-                )
-            )
-            for first in range(0, len(nodes) - 1, self.order)
-        ]
-        return nodes, elements
+        stiffness = {
+            "axial": material.E * section.area,
+            "shear": self.shear_factor * material.lame[1] * section.area,
+            "bending": material.E * section.second_moment,
+        }
+        constants = {
+            "length": self.length(body),
+            "massPerLength": material.density * section.area,
+            "crossSectionInertia": material.density * section.second_moment,
+            **{f"{name}Stiffness": value for name, value in stiffness.items()},
+            **{f"{name}Damping": material.damping * value for name, value in stiffness.items()},
+        }
+        ends = [nodes[k : k + self.order + 1] for k in range(0, len(nodes) - 1, self.order)]
+        elements = [items.ObjectBeamGeometricallyExact2D(nodeNumbers=own, **constants) for own in ends]
+        return nodes, [model.mbs.AddObject(element) for element in elements]
 
     def welded(self, angle: float) -> Array:
         """All displacements are equal, at any angle."""

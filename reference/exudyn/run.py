@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from time import perf_counter, process_time
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import scipy
@@ -18,7 +18,7 @@ from anctmm.errors import DiscretisationError, shown
 from anctmm.model.connectors import Spring
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.joints import drive_of
-from anctmm.model.scene import Beam, Clamp, Scene, Torque
+from anctmm.model.scene import Beam, Clamp, Scene, Torque, checked_scene
 from anctmm.results.solution import Cost
 from anctmm.results.status import Status
 from anctmm.solvers.foreign_code import raise_interruption
@@ -72,18 +72,16 @@ def python_callbacks(scene: Scene) -> bool:
 
 @dataclass
 class ExudynAdapter(Adapter):
-    """A scene in Exudyn with one kind of beams.
+    """A scene in Exudyn with one kind of beams, of which a class says all that `reference.exudyn.model.Beams` has.
 
     Parameters
     ----------
-    beams : Beams
     tolerances : (float, float), optional
         Newton's, of the residual: relative to the first one of a step, and absolute, N.
     newton : str
         One of `NEWTON`.
     """
 
-    beams: Beams = None  # type: ignore[assignment]
     tolerances: Any = None
     newton: str = "modified"
 
@@ -97,14 +95,23 @@ class ExudynAdapter(Adapter):
 
     def __post_init__(self) -> None:
         one_of("newton", self.newton, NEWTON)
-        if self.tolerances is None:
-            return
-        if not is_pair(self.tolerances):
+        self.counts = {name: count for name, (count, _) in self.run.of(checked_scene(self.scene)).items()}
+        if self.tolerances is not None and not is_pair(self.tolerances):
             raise DiscretisationError(
                 f"tolerances are {shown(self.tolerances)}; a pair is needed: relative, and absolute (N), greater than 0"
             )
-        named = zip(("relative", "absolute"), self.tolerances, strict=True)
-        self.tolerances = tuple(positive(f"{name} tolerance", x, DiscretisationError) for name, x in named)
+        named = zip(("relative", "absolute"), self.tolerances or (), strict=False)
+        bounds = tuple(positive(f"{name} tolerance", x, DiscretisationError) for name, x in named)
+        self.tolerances = bounds or None
+
+    @property
+    def beams(self) -> Beams:
+        """Itself, as its class completes it."""
+        return cast(Beams, self)
+
+    def length(self, body: Beam) -> float:
+        """Length of each of a body's elements, m."""
+        return body.length / self.counts[body.name]
 
     def build(self) -> Model:
         """The model, assembled."""
@@ -128,7 +135,7 @@ class ExudynAdapter(Adapter):
         for k, (relative, absolute) in enumerate(STATIC_TOLERANCES):
             model = self.build() if k else model
             bounds = relative, absolute or self.roundoff()
-            message, spent = self._solved(model, model.mbs.SolveStatic, self._static_settings(model, bounds))
+            message, spent = self._solved(model, model.mbs.SolveStatic, self.settings(model, bounds))
             if message is None:
                 break
         t = model.output_times()
@@ -142,7 +149,7 @@ class ExudynAdapter(Adapter):
 
     def _motion(self, model: Model) -> Answer:
         run, bounds = self.run, self.tolerances or (TOLERANCES[0], max(TOLERANCES[1], self.roundoff()))
-        message, spent = self._solved(model, model.mbs.SolveDynamic, self._settings(model, bounds))
+        message, spent = self._solved(model, model.mbs.SolveDynamic, self.settings(model, bounds))
         expected, t = run.times(run.output_steps), model.output_times()
         rows = min(len(t), len(expected))
         late = np.flatnonzero(np.abs(t[:rows] - expected[:rows]) > 1e-6 * np.diff(expected).min())
@@ -198,37 +205,31 @@ class ExudynAdapter(Adapter):
             raise FAILED[0]
         return message, spent
 
-    def _common(self, model: Model, sparse_from: int) -> Any:
-        exu = model.exu
+    def settings(self, model: Model, tolerances: tuple[float, float]) -> Any:
+        """Exudyn's settings of a run with these tolerances of Newton's iteration."""
+        exu, run = model.exu, self.run
         settings = exu.SimulationSettings()
         settings.solution.file.write = settings.solution.restart.write = False
         settings.parallel.numberOfThreads = 1
         kinds = exu.LinearSolverType
-        sparse = model.mbs.systemData.ODE2Size() >= sparse_from
+        sparse = model.mbs.systemData.ODE2Size() >= (SPARSE_STATIC if self.static else SPARSE_FROM)
         settings.linearSolver.solverType = kinds.EigenSparse if sparse else kinds.EigenDense
         settings.linearSolver.reuseAnalyzedPattern = True
-        return settings
-
-    def _settings(self, model: Model, tolerances: tuple[float, float]) -> Any:
-        run, settings = self.run, self._common(model, SPARSE_FROM)
-        settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
+        # in statics below every load step: all of them are kept
+        settings.solution.sensors.writePeriod = 1e-9 if self.static else run.stride * run.t_end / run.steps
+        newton = (settings.staticSolver if self.static else settings.timeIntegration).newton
+        newton.relativeTolerance, newton.absoluteTolerance = tolerances
+        if self.static:
+            settings.staticSolver.numberOfLoadSteps = int(self.load_steps)
+            if self.scene.connectors or len(self.scene.beams) < len(self.scene.bodies):
+                settings.staticSolver.minimumStepSize = LEAST_LOAD_STEP
+            return settings
         time = settings.timeIntegration
         time.endTime, time.numberOfSteps, time.adaptiveStep = run.t_end, run.steps, False
-        time.solverType = model.exu.DynamicSolverType.GeneralizedAlpha
-        time.newton.relativeTolerance, time.newton.absoluteTolerance = tolerances
-        time.newton.useModifiedNewton = self.newton != "full"
-        time.newton.modifiedNewtonJacUpdatePerStep = self.newton == "each-step"
+        time.solverType = exu.DynamicSolverType.GeneralizedAlpha
+        newton.useModifiedNewton = self.newton != "full"
+        newton.modifiedNewtonJacUpdatePerStep = self.newton == "each-step"
         time.generalizedAlpha.spectralRadius = run.spectral_radius
-        return settings
-
-    def _static_settings(self, model: Model, tolerances: tuple[float, float]) -> Any:
-        settings = self._common(model, SPARSE_STATIC)
-        settings.solution.sensors.writePeriod = 1e-9  # below every load step: all of them are kept
-        static = settings.staticSolver
-        static.numberOfLoadSteps = int(self.load_steps)
-        if self.scene.connectors or len(self.scene.beams) < len(self.scene.bodies):
-            static.minimumStepSize = LEAST_LOAD_STEP
-        static.newton.relativeTolerance, static.newton.absoluteTolerance = tolerances
         return settings
 
     def _answer(self, model: Model, t: Array, spent: tuple[float, float], status: Status) -> Answer:

@@ -7,8 +7,9 @@ times are compared). See README.md for what they share with ANC-TMM.
 
 from typing import Any
 
-from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
+from anctmm.errors import unknown_option
 from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
@@ -21,9 +22,7 @@ __all__ = ["solve", "solve_dense", "solve_plain", "solve_static"]
 OFFER = Offer(lacks=frozenset({"own-joints"}), extras=frozenset({"esdirk"}), slow_with=frozenset(MECHANISMS))
 #: Bytes for each coordinate, and of a dense matrix for each pair.
 SPARSE, DENSE = 5_000.0, 24.0
-LINEAR_ALGEBRA = ("sparse-factored-once", "dense-refactor")
-STABILIZATION = ("projection", "none")
-NAMES = dict(zip(LINEAR_ALGEBRA, ("global-dae", "global-dae-dense"), strict=True))
+NAMES = {"sparse-factored-once": "global-dae", "dense-refactor": "global-dae-dense"}
 
 
 @accounted
@@ -32,7 +31,6 @@ def solve(
     run: Discretisation | None = None,
     *,
     linear_algebra: str = "sparse-factored-once",
-    stabilization: str = "projection",
     **options: Any,
 ) -> Solution:
     """Motion of a scene.
@@ -47,9 +45,6 @@ def solve(
         factored once, that of Newton's iteration only when it converges slowly, by sparse LU. "dense-refactor": a dense
         matrix is assembled and solved by LAPACK at each explicit step and each Newton iteration, as the paper's
         ordinary ANCF does.
-    stabilization : str
-        Of explicit runs: "projection" of positions and velocities onto the constraints after each step, or "none",
-        which lets rounding and truncation drift. Implicit runs fulfil the constraints at each step anyhow.
 
     Returns
     -------
@@ -66,14 +61,10 @@ def solve(
         If a joint is of a user's own kind.
     """
     run = discretise(run, options)
-    one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
-    one_of("stabilization", stabilization, STABILIZATION)
+    one_of("linear_algebra", linear_algebra, NAMES)
     dense = linear_algebra == "dense-refactor"
     check_memory(_offered(scene), run, SPARSE, pair=DENSE if dense else 0.0)
-    # here, and not above: to see what is offered takes no SciPy
-    from reference.global_dae.runs import motion
-
-    return motion(scene, run, NAMES[linear_algebra], dense=dense, projected=stabilization == "projection")
+    return _motion(scene, run, NAMES[linear_algebra], dense)
 
 
 def solve_dense(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
@@ -86,9 +77,7 @@ def solve_plain(scene: Scene, run: Discretisation | None = None, **options: Any)
     """Motion of any scene by the plain solver, which is slow; parameters and errors as of `solve`."""
     run = discretise(run, options)
     check_memory(_offered(scene), run, SPARSE)
-    from reference.global_dae.runs import motion
-
-    return motion(scene, run, NAMES["sparse-factored-once"], plain=True)
+    return _motion(scene, run, NAMES["sparse-factored-once"], plain=True)
 
 
 @accounted
@@ -119,12 +108,36 @@ def solve_static(
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     check_memory(_offered(scene), run, SPARSE, outputs=load_steps + 1)
-    from reference.global_dae.runs import rest
+    from reference.global_dae.layout import Layout
+    from reference.global_dae.statics import equilibria
+    from reference.global_dae.system import System
 
-    return rest(scene, run, load_steps, "global-dae")
+    return equilibria(System(Layout(scene, run)), load_steps, "global-dae")
 
 
 def _offered(scene: Scene) -> Scene:
     """The scene, which has nothing that is not offered."""
     refuse(checked_scene(scene), OFFER.lacks, "the global solver")
     return scene
+
+
+def _motion(
+    scene: Scene, run: Discretisation, solver: str, dense: bool = False, plain: bool = False
+) -> Solution:
+    # here, and not above: to see what is offered takes no SciPy
+    from reference.global_dae.explicit import Zhai
+    from reference.global_dae.implicit import Esdirk, GeneralizedAlpha
+    from reference.global_dae.layout import Layout
+    from reference.global_dae.rival import Rival, has
+    from reference.global_dae.stability import check_step
+    from reference.global_dae.system import System
+
+    marchers = {"zhai": Zhai, "generalized-alpha": GeneralizedAlpha, "esdirk": Esdirk}
+    system = System(Layout(scene, run))
+    if run.integrator not in marchers:
+        raise unknown_option("integrator", run.integrator, INTEGRATORS)
+    if run.explicit and run.check_stability:
+        check_step(system)
+    if not plain and has(system):
+        return Rival(system, dense).march(solver)
+    return marchers[run.integrator](system).march(solver)

@@ -6,6 +6,7 @@ some with Q turned by the angle of a drive: Φ = Σ x·R(p) Q y − (target, or 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from anctmm.model.drives import value_at
-from reference.global_dae.vectors import QUARTER, Vector
+from reference.global_dae.vectors import QUARTER, Stack, Vector
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Term(NamedTuple):
     @property
     def constant(self) -> bool:
         """Whether its derivative by the coordinates is constant."""
-        still = not self.one.moves or not self.two.moves
-        return still and not (self.turned and (self.one.moves or self.two.moves))
+        moving = [len(vector.at) > 0 for vector in (self.one, self.two)]
+        return not all(moving) and not (self.turned and any(moving))
 
 
 class Row(NamedTuple):
@@ -59,11 +59,6 @@ class Row(NamedTuple):
     along: bool = False
     held: bool = False
 
-    @property
-    def constant(self) -> bool:
-        """Whether its derivative by the coordinates is constant."""
-        return all(term.constant for term in self.terms)
-
 
 class Constraints:
     """All constraints of a scene, evaluated together.
@@ -77,19 +72,17 @@ class Constraints:
 
     def __init__(self, rows: Sequence[Row], size: int) -> None:
         self.rows, self.size, self.count = rows, size, len(rows)
-        self.constant = all(row.constant for row in rows)
+        terms = [(j, term) for j, row in enumerate(rows) for term in row.terms]
+        self.constant = all(term.constant for _, term in terms)
         self.held = np.array([row.held for row in rows], dtype=bool)
         self.along = np.array([float(row.along) for row in rows])
         self.targets = np.array([row.target for row in rows])
         self.driven = [j for j, row in enumerate(rows) if row.drive is not None]
-        terms = [(j, term) for j, row in enumerate(rows) for term in row.terms]
         self.row = np.array([j for j, _ in terms], dtype=np.int64)
         self.Q = np.array([term.Q for _, term in terms]).reshape(-1, 2, 2)
         self.turned = np.array([term.turned for _, term in terms], dtype=bool)
-        vectors = [vector for _, term in terms for vector in (term.one, term.two)]
-        self.number = np.arange(len(vectors)).reshape(-1, 2)
-        self.V, self.c = _stacked(vectors, size)
-        self._constant: sparse.csr_array | None = None
+        self.vectors = Stack([vector for _, term in terms for vector in (term.one, term.two)], size)
+        self.components = np.arange(4 * len(terms)).reshape(-1, 2, 2)  # of both vectors of each term
 
     def parameters(self, t: float) -> Array:
         """(p, p', p'') of each row, (count, 3); zeros where nothing drives it."""
@@ -102,32 +95,33 @@ class Constraints:
 
     def value(self, q: Array, p: Array) -> Array:
         """Φ, (count,)."""
-        one, two, Q = self._state(q, p)
-        return self._sum(_product(one, Q, two)) - self.targets - self.along * p[:, 0]
+        return self._sum(_product(*self._state(q, p))) - self.targets - self.along * p[:, 0]
 
     def jacobian(self, q: Array, p: Array) -> sparse.csr_array:
         """J, (count, size)."""
-        if self.constant and self._constant is not None:
-            return self._constant
-        one, two, Q = self._state(q, p)
+        return self._constant_jacobian if self.constant else self._jacobian(q, p)
+
+    @cached_property
+    def _constant_jacobian(self) -> sparse.csr_array:
+        return self._jacobian(np.zeros(self.size), np.zeros((self.count, 3)))
+
+    def _jacobian(self, q: Array, p: Array) -> sparse.csr_array:
+        one, Q, two = self._state(q, p)
         by_one, by_two = np.einsum("tab,tb->ta", Q, two), np.einsum("ta,tab->tb", one, Q)
-        slope = np.concatenate([by_one, by_two], axis=1)
-        columns = (2 * self.number[:, :, None] + np.arange(2)).reshape(len(slope), 4)
-        where = np.repeat(self.row, 4), columns.ravel()
-        G = sparse.csr_array((slope.ravel(), where), shape=(self.count, len(self.c)))
-        self._constant = sparse.csr_array(G @ self.V)
-        self._constant.sort_indices()
-        return self._constant
+        slope = np.stack([by_one, by_two], axis=1)
+        where = np.repeat(self.row, 4), self.components.ravel()
+        J = sparse.csr_array((slope.ravel(), where), shape=(self.count, len(self.vectors.c))) @ self.vectors.V
+        J.sort_indices()
+        return J
 
     def hessian(self, q: Array, p: Array, mu: Array) -> sparse.csr_array:
         """Σ μ ∂²Φ/∂q², (size, size)."""
         if self.constant:
             return sparse.csr_array((self.size, self.size))
-        blocks = mu[self.row, None, None] * self._state(q, p)[2]
-        rows = 2 * self.number[:, 0, None, None] + np.arange(2)[:, None] + np.zeros((2, 2), dtype=np.int64)
-        columns = 2 * self.number[:, 1, None, None] + np.arange(2) + np.zeros((2, 2), dtype=np.int64)
-        H = sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.c),) * 2)
-        half = self.V.T @ H @ self.V
+        blocks = mu[self.row, None, None] * self._state(q, p)[1]
+        rows, columns = np.broadcast_arrays(self.components[:, 0, :, None], self.components[:, 1, None, :])
+        V, n = self.vectors.V, len(self.vectors.c)
+        half = V.T @ sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)) @ V
         return sparse.csr_array(half + half.T)
 
     def rate(self, q: Array, p: Array) -> Array:
@@ -136,27 +130,23 @@ class Constraints:
 
     def right(self, q: Array, v: Array, p: Array) -> Array:
         """γ of J q̈ = γ, (count,)."""
-        one, two, Q = self._state(q, p)
-        x, y = (self.V @ v).reshape(-1, 2, 2).transpose(1, 0, 2)
-        curvature = self._sum(2.0 * _product(x, Q, y))
-        turned = self.turned * p[self.row, 1]
-        quarter = QUARTER @ Q
-        mixed = self._sum(2.0 * turned * (_product(x, quarter, two) + _product(one, quarter, y)))
-        second = self._sum(-turned * p[self.row, 1] * _product(one, Q, two))
-        return -curvature - mixed - second - self.by_parameter(q, p) * p[:, 2]
+        one, Q, two = self._state(q, p)
+        x, y = self.vectors.rate(v).reshape(-1, 2, 2).transpose(1, 0, 2)
+        turned, quarter = self.turned * p[self.row, 1], QUARTER @ Q
+        mixed = turned * (_product(x, quarter, two) + _product(one, quarter, y))
+        second = 2.0 * (_product(x, Q, y) + mixed) - turned * p[self.row, 1] * _product(one, Q, two)
+        return -self._sum(second) - self.by_parameter(q, p) * p[:, 2]
 
     def by_parameter(self, q: Array, p: Array) -> Array:
         """∂Φ/∂p, (count,)."""
-        one, two, Q = self._state(q, p)
+        one, Q, two = self._state(q, p)
         return self._sum(self.turned * _product(one, QUARTER @ Q, two)) - self.along
 
     def _state(self, q: Array, p: Array) -> tuple[Array, Array, Array]:
-        """Vectors of the terms and their matrices, turned."""
-        one, two = (self.V @ q + self.c).reshape(-1, 2, 2).transpose(1, 0, 2)
-        if not self.turned.any():
-            return one, two, self.Q
+        """Vectors of the terms, and between them their matrices, turned."""
+        one, two = self.vectors(q).reshape(-1, 2, 2).transpose(1, 0, 2)
         angle = np.where(self.turned, p[self.row, 0], 0.0)[:, None, None]
-        return one, two, np.cos(angle) * self.Q + np.sin(angle) * (QUARTER @ self.Q)
+        return one, np.cos(angle) * self.Q + np.sin(angle) * (QUARTER @ self.Q), two
 
     def _sum(self, terms: Array) -> Array:
         return np.bincount(self.row, terms, self.count).astype(np.float64, copy=False)
@@ -164,15 +154,3 @@ class Constraints:
 
 def _product(one: Array, Q: Array, two: Array) -> Array:
     return np.asarray(np.einsum("ta,tab,tb->t", one, Q, two))
-
-
-def _stacked(vectors: Sequence[Vector], size: int) -> tuple[sparse.csr_array, Array]:
-    """Matrix and constant of all vectors, one below the other."""
-    none = [np.zeros(0)]
-    values = [vector.A.ravel() for vector in vectors]
-    rows = [np.repeat([2 * k, 2 * k + 1], len(vector.at)) for k, vector in enumerate(vectors)]
-    columns = [np.tile(vector.at, 2) for vector in vectors]
-    entries = np.concatenate(none + values)
-    where = tuple(np.concatenate([np.zeros(0, dtype=np.int64), *part]) for part in (rows, columns))
-    matrix = sparse.csr_array((entries, (where[0], where[1])), shape=(2 * len(vectors), size))
-    return matrix, np.concatenate(none + [vector.constant for vector in vectors])

@@ -1,139 +1,138 @@
-"""Elements of the compiled solver: the compiled kernels of `anctmm.elements`, behind four plain functions.
+"""Beams: the compiled elements of `anctmm.elements`, on coordinates in the order of this solver.
 
-This is the only module of the solver that knows these kernels. It shares them, so that times compare elimination and
-time stepping, not kernels.
+This is the only module of the solver that knows these kernels. Both ways to march share them with ANC-TMM, so that
+agreement checks joints, loads, elimination and time stepping, and times compare these.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
-from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
+from anctmm.elements.compiled import MODULES, address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.kernels.scratch import call_element
 from reference.global_dae.kernels import inlined, kernel
-from reference.global_dae.layout import Mesh
+from reference.global_dae.layout import Layout, Mesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Matrix = sparse.csc_array
 
-#: Modules of kernels, by the kind of element; kernels know a kind by its place here.
-KINDS = {"cable": cable_kernel, "shear": shear_kernel, "quintic": quintic_kernel}
-cable_forces, shear_forces, quintic_forces = (module.forces for module in KINDS.values())
-cable_damping, shear_damping, quintic_damping = (module.damping_forces for module in KINDS.values())
-cable_tangents, shear_tangents, quintic_tangents = (module.tangents for module in KINDS.values())
+#: Columns of the addresses of kernels.
+KERNELS = ("forces", "damping", "tangents", "energy")
+FORCES, DAMPING, TANGENTS, ENERGY = range(len(KERNELS))
 
 
 class Elements(NamedTuple):
     """Runs of equal elements, of a beam at most BLOCK each.
 
-    kinds, first, counts, vectors: kind, first coordinate, number of elements and vectors of a node, (runs,). tables:
-    constants of the kernels; stiffened: the same with the stiffness of Newton's matrix. damping, (runs,), s. q, v: of
-    the nodes of a run, (components, nodes); out, small: buffers of the kernels.
+    kernels: addresses, (runs, 4), 0 where there is no damping. first, counts, vectors: first coordinate, number of
+    elements and vectors of a node, (runs,). constants: of the kernels; stiff: the same with the stiffness of Newton's
+    matrix. damping, (runs,), s. q, v: of the nodes of a run, (components, nodes); out: what a kernel has found.
     """
 
-    kinds: Ints
+    kernels: Ints
     first: Ints
     counts: Ints
     vectors: Ints
-    tables: Array
-    stiffened: Array
+    constants: Array
+    stiff: Array
     damping: Array
     q: Array
     v: Array
     out: Array
-    small: Array
 
 
 def elements_of(meshes: Sequence[Mesh], by_velocity: float) -> Elements:
     """The elements of beams for the kernels; `by_velocity` (1/s) is ∂v/∂q of the steps, which stiffens damped ones."""
     runs = [(mesh, e) for mesh in meshes for e in range(0, mesh.elements, BLOCK)]
-    names = list(KINDS)
-    tables: list[Array] = []
-    for factor in (0.0, by_velocity):
-        rows = []
-        for mesh, _ in runs:
-            stiff = mesh.element.stiffened(1.0 + factor * mesh.element.damping, stresses=False)
-            rows.append(KINDS[mesh.kind.name].constants(mesh.element if factor == 0.0 else stiff))
-        table = np.zeros((len(rows), max(map(len, rows))))
-        for line, row in zip(table, rows, strict=True):
-            line[: len(row)] = row
-        tables.append(table)
-    return Elements(  # type: ignore[call-arg]
-        np.array([names.index(mesh.kind.name) for mesh, _ in runs]),
-        np.array([mesh.number(e, 0) for mesh, e in runs]),
-        np.array([min(BLOCK, mesh.elements - e) for mesh, e in runs]),
-        np.array([mesh.vectors for mesh, _ in runs]),
-        *tables,
+    stiff = [
+        mesh.element.stiffened(1.0 + by_velocity * mesh.element.damping, stresses=False) for mesh, _ in runs
+    ]
+    return Elements(
+        np.array([_addresses(mesh) for mesh, _ in runs], dtype=np.int64).reshape(-1, len(KERNELS)),
+        np.array([mesh.number(e, 0) for mesh, e in runs], dtype=np.int64),
+        np.array([min(BLOCK, mesh.elements - e) for mesh, e in runs], dtype=np.int64),
+        np.array([mesh.vectors for mesh, _ in runs], dtype=np.int64),
+        _table([MODULES[mesh.kind.name].constants(mesh.element) for mesh, _ in runs]),
+        _table([MODULES[mesh.kind.name].constants(e) for (mesh, _), e in zip(runs, stiff, strict=True)]),
         np.array([mesh.element.damping for mesh, _ in runs], dtype=float),
         *np.zeros((2, 6, BLOCK + 1)),
-        np.zeros(12 * BLOCK + 6),
         np.zeros(TANGENT_BUFFER),
     )
 
 
+def _addresses(mesh: Mesh) -> list[int]:
+    damped = bool(mesh.element.damping)
+    return [address(mesh.kind.name, what) if what != "damping" or damped else 0 for what in KERNELS]
+
+
+def _table(rows: list[Array]) -> Array:
+    found = np.zeros((len(rows), max(map(len, rows), default=1)))
+    for line, row in zip(found, rows, strict=True):
+        line[: len(row)] = row
+    return found
+
+
 @kernel
 def forces(e: Elements, q: Array, f: Array) -> None:
-    """Elastic forces, (size,), written into f."""
+    """Elastic forces, the gradient of the strain energy, (size,), written into f."""
     f[:] = 0.0
-    for run in range(len(e.kinds)):
-        kind, count = e.kinds[run], e.counts[run]
-        arranged(e, run, q, e.q)
-        if kind == 0:
-            cable_forces(e.q, 0, count, e.tables[run], e.out)
-        elif kind == 1:
-            shear_forces(e.q, 0, count, e.tables[run], e.out)
-        else:
-            quintic_forces(e.q, 0, count, e.tables[run], e.out)
+    for run in range(len(e.first)):
+        arrange(e, run, q, e.q)
+        call_element(e.kernels[run, FORCES], e.q, e.q, 0, e.counts[run], e.constants[run], 0.0, e.out)
         add(e, run, f)
 
 
 @kernel
 def damping_forces(e: Elements, q: Array, v: Array, f: Array) -> None:
-    """Damping forces, which act on the bodies against v, (size,), written into f."""
+    """Damping forces of the materials, which act on the bodies against v, (size,), written into f."""
     f[:] = 0.0
-    for run in range(len(e.kinds)):
-        kind, count, tau = e.kinds[run], e.counts[run], -e.damping[run]
-        if tau == 0.0:
-            continue
-        arranged(e, run, q, e.q)
-        arranged(e, run, v, e.v)
-        if kind == 0:
-            cable_damping(e.q, e.v, 0, count, e.tables[run], tau, e.out)
-        elif kind == 1:
-            shear_damping(e.q, e.v, 0, count, e.tables[run], tau, e.out)
-        else:
-            quintic_damping(e.q, e.v, 0, count, e.tables[run], tau, e.out)
-        add(e, run, f)
+    for run in range(len(e.first)):
+        if e.damping[run] > 0.0:
+            arrange(e, run, q, e.q)
+            arrange(e, run, v, e.v)
+            call_element(
+                e.kernels[run, DAMPING], e.q, e.v, 0, e.counts[run], e.constants[run], -e.damping[run], e.out
+            )
+            add(e, run, f)
 
 
 @kernel
 def add_tangents(e: Elements, q: Array, places: Ints, data: Array) -> None:
     """Add the entries of all tangents to `data`: those of an element, row by row, at the next of `places`."""
     at = 0
-    for run in range(len(e.kinds)):
-        kind, n = e.kinds[run], 2 * e.vectors[run]
-        arranged(e, run, q, e.q)
+    for run in range(len(e.first)):
+        arrange(e, run, q, e.q)
         for first in range(0, e.counts[run], TANGENT_BLOCK):
             count = min(TANGENT_BLOCK, e.counts[run] - first)
-            if kind == 0:
-                cable_tangents(e.q, first, count, e.stiffened[run], e.small)
-            elif kind == 1:
-                shear_tangents(e.q, first, count, e.stiffened[run], e.small)
-            else:
-                quintic_tangents(e.q, first, count, e.stiffened[run], e.small)
+            call_element(e.kernels[run, TANGENTS], e.q, e.q, first, count, e.stiff[run], 0.0, e.out)
             for j in range(count):
-                for k in range(2 * n):
-                    for m in range(2 * n):
+                for k in range(4 * e.vectors[run]):
+                    for m in range(4 * e.vectors[run]):
                         low, high = min(k, m), max(k, m)
-                        data[places[at]] += e.small[(high * (high + 1) // 2 + low) * TANGENT_BLOCK + j]
+                        data[places[at]] += e.out[(high * (high + 1) // 2 + low) * TANGENT_BLOCK + j]
                         at += 1
 
 
+@kernel
+def strain_energies(e: Elements, series: Array, found: Array) -> None:
+    """Strain energy at each of several states, (n, size), J, written into `found`, (n,)."""
+    for n in range(len(series)):
+        found[n] = 0.0
+        for run in range(len(e.first)):
+            arrange(e, run, series[n], e.q)
+            call_element(e.kernels[run, ENERGY], e.q, e.q, 0, e.counts[run], e.constants[run], 0.0, e.out)
+            found[n] += e.out[0]
+
+
 @inlined
-def arranged(e: Elements, run: int, q: Array, nodal: Array) -> None:
+def arrange(e: Elements, run: int, q: Array, nodal: Array) -> None:
     """Coordinates of the nodes of a run, each component a row."""
     n = 2 * e.vectors[run]
     for node in range(e.counts[run] + 1):
@@ -144,10 +143,68 @@ def arranged(e: Elements, run: int, q: Array, nodal: Array) -> None:
 
 @inlined
 def add(e: Elements, run: int, f: Array) -> None:
-    """Add the forces on the nodes of a run, which the kernels have left in `out`."""
+    """Add the forces on the nodes of a run, which a kernel has left in `out`."""
     n = 2 * e.vectors[run]
     for j in range(e.counts[run]):
         at = e.first[run] + j * n
         for k in range(n):
             f[at + k] += e.out[k * BLOCK + j]
             f[at + n + k] += e.out[(6 + k) * BLOCK + j]
+
+
+class Beams:
+    """All flexible beams of a layout."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.size, self.meshes = layout.size, list(layout.meshes.values())
+        self.damped = any(mesh.element.damping for mesh in self.meshes)
+        self.elements = cache(lambda by_velocity: elements_of(self.meshes, by_velocity))
+        self.at = [
+            mesh.number(e, 0) + np.arange(4 * mesh.vectors)
+            for mesh in self.meshes
+            for e in range(mesh.elements)
+        ]
+        none = np.zeros(0, dtype=np.int64)
+        rows = np.concatenate([none, *(np.repeat(at, len(at)) for at in self.at)])
+        self.pattern = rows, np.concatenate([none, *(np.tile(at, len(at)) for at in self.at)])
+
+    def mass(self) -> Matrix:
+        """Mass matrix, (size, size), of the beams alone."""
+        blocks = [np.tile(np.kron(m.element.mass, np.eye(2)).ravel(), m.elements) for m in self.meshes]
+        return self._matrix(np.concatenate([np.zeros(0), *blocks]))
+
+    def weight(self, gravity: tuple[float, float]) -> Array:
+        """Forces of gravity, (size,)."""
+        f, at = np.zeros(self.size), iter(self.at)
+        for mesh in self.meshes:
+            for _ in range(mesh.elements):
+                f[next(at)] += np.outer(mesh.element.gravity, gravity).ravel()
+        return f
+
+    def force(self, q: Array) -> Array:
+        """Elastic forces, the gradient of the strain energy."""
+        f = np.empty(self.size)
+        forces(self.elements(0.0), q, f)
+        return f
+
+    def damping(self, q: Array, v: Array) -> Array:
+        """Damping forces of the materials, which act on the bodies: they work against v."""
+        f = np.zeros(self.size)
+        if self.damped:
+            damping_forces(self.elements(0.0), q, v, f)
+        return f
+
+    def tangent(self, q: Array, by_velocity: float = 0.0) -> Matrix:
+        """Derivative of the elastic forces, and `by_velocity` (1/s) times that of damping by its material part."""
+        data = np.zeros(len(self.pattern[0]))
+        add_tangents(self.elements(by_velocity), q, np.arange(len(data)), data)
+        return self._matrix(data)
+
+    def energy(self, series: Array) -> Array:
+        """Strain energy at each of several states, (n, size), J."""
+        found = np.zeros(len(series))
+        strain_energies(self.elements(0.0), np.ascontiguousarray(series), found)
+        return found
+
+    def _matrix(self, data: Any) -> Matrix:
+        return Matrix((data, self.pattern), shape=(self.size, self.size))

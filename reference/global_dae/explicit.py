@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference.global_dae.marching import Failure, Marcher, State
-from reference.global_dae.saddle import Nearest, Saddle, independent_rows
+from reference.global_dae.saddle import Nearest, Saddle
 from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
@@ -25,21 +25,17 @@ class Zhai(Marcher):
 
     advice = "take a smaller dt, or a coarser mesh, or an implicit integrator"
 
-    def __init__(self, system: System, projected: bool = True) -> None:
+    def __init__(self, system: System) -> None:
         super().__init__(system)
-        self.projected = projected
         self.saddle: Saddle | None = None
-        self.length = max(1.0, system.layout.scene.length)
 
     def begin(self) -> State:
         """The state at t = 0."""
         layout, c = self.system.layout, self.system.constraints
         q, v, p = layout.reference.copy(), layout.velocity.copy(), c.parameters(0.0)
         J = c.jacobian(q, p)
-        self.rows = independent_rows(J, layout.unit)
         self.prescribe = Nearest(J[c.held])
-        v = v - Nearest(J)(J @ v + c.rate(q, p))
-        state = self._accelerated(q, v, 0.0, p)
+        state = self._accelerated(q, v - Nearest(J)(J @ v + c.rate(q, p)), 0.0, p)
         self.before = state.a
         return state
 
@@ -52,9 +48,9 @@ class Zhai(Marcher):
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise Failure("accelerations are not finite", state.a)
         self.before, p = a, self.system.constraints.parameters(t)
-        if self.projected and self.system.constraints.count:
-            q, v = self._corrected(q, v, p)
-        self.system.keep(q)
+        if self.system.constraints.count:
+            q, v = self._projected(q, v, p)
+        self.system.accept(q)
         found = self._accelerated(q, v, t, p)
         self.account.resist(0.5 * h * (power + self.power))
         return found
@@ -65,46 +61,30 @@ class Zhai(Marcher):
         force, right = self.system.force(q, v, t) + damping, c.right(q, v, p)
         if not (np.isfinite(force).all() and np.isfinite(right).all()):
             raise Failure("accelerations are not finite", force)
-        mu, saddle = np.zeros(c.count), self._saddle(q, p)
-        a, mu[self.rows] = saddle.solve(force, right[self.rows])
-        return State(q, v, a, mu, p)
+        return State(q, v, *self._factored(q, p).solve(force, right), p)
 
-    def _saddle(self, q: Array, p: Array) -> Saddle:
-        """Factors of [M Jᵀ; J 0], found once where J is constant; other rows are chosen where these are dependent."""
+    def _factored(self, q: Array, p: Array) -> Saddle:
+        """Factors of [M Jᵀ; J 0], found once where J is constant."""
         c = self.system.constraints
-        if self.saddle is not None and c.constant:
-            return self.saddle
-        J = c.jacobian(q, p)
-        try:
-            self.saddle = Saddle(self.system.mass, J[self.rows])
-        except Failure:
-            self.rows = independent_rows(J, self.system.layout.unit)
-            self.saddle = Saddle(self.system.mass, J[self.rows])
-        self.factorizations += 1
+        if self.saddle is None or not c.constant:
+            self.saddle = Saddle(self.system.mass, c.jacobian(q, p))
+            self.factorizations += 1
         return self.saddle
 
-    def _corrected(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
-        """Positions and velocities on the constraints."""
-        c = self.system.constraints
+    def _projected(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
+        """Positions, by Newton's corrections of least size, and velocities on the constraints."""
+        c, still = self.system.constraints, self.system.still
         q = q - self.prescribe(c.value(q, p)[c.held])
-        found = self._on_constraints(q, p)
-        if found is None:  # rows that were left out do not follow from the others
-            self.rows, self.saddle = independent_rows(c.jacobian(q, p), self.system.layout.unit), None
-            found = self._on_constraints(q, p)
-        if found is None:
-            raise Failure("joints and drives leave the bodies no admissible position")
-        J, rate = c.jacobian(found, p), c.rate(found, p)
-        v = v - self.prescribe((J @ v + rate)[c.held])
-        return found, v + self._saddle(found, p).solve(self.system.still, -(J @ v + rate)[self.rows])[0]
-
-    def _on_constraints(self, q: Array, p: Array) -> Array | None:
-        """Positions by Newton's corrections of least size; None where they do not fulfil all constraints."""
-        c = self.system.constraints
         for _ in range(CORRECTIONS):
             gap = c.value(q, p)
             if not np.isfinite(gap).all():
                 raise Failure("constraints are not finite")
             if np.abs(gap).max() <= ROUNDING * self.length:
-                return q
-            q = q + self._saddle(q, p).solve(self.system.still, -gap[self.rows])[0]
-        return q if np.abs(c.value(q, p)).max() <= KEPT * self.length else None
+                break
+            q = q + self._factored(q, p).solve(still, -gap)[0]
+        else:
+            if not np.abs(c.value(q, p)).max() <= KEPT * self.length:
+                raise Failure("joints and drives leave the bodies no admissible position")
+        J, rate = c.jacobian(q, p), c.rate(q, p)
+        v = v - self.prescribe((J @ v + rate)[c.held])
+        return q, v + self._factored(q, p).solve(still, -(J @ v + rate))[0]

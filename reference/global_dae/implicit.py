@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.methods import GeneralizedAlpha as AlphaMethod
 from anctmm.discretise.methods import stages
-from reference.global_dae.beams import Matrix
+from reference.global_dae.elements import Matrix
 from reference.global_dae.marching import Failure, Marcher, State
-from reference.global_dae.saddle import Nearest, Saddle, independent_rows
+from reference.global_dae.saddle import Nearest, Saddle
 from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
 #: Newton iterations of a step at most; roundings of the largest terms that a residual may have.
 ITERATIONS, ROUNDINGS, EPSILON = 40, 8.0, float(np.finfo(np.float64).eps)
-#: Misfit of constraints, of the scene's length, above which the rows chosen are not all, and that which is rounding.
+#: Misfit of constraints, of the scene's length, that has failed, and that which is rounding.
 MISSED, ROUNDING = 1e-9, 1e-14
 
 
@@ -47,27 +47,17 @@ class Implicit(Marcher):
     def __init__(self, system: System) -> None:
         super().__init__(system)
         self.h, self.unit = self.run.exact_dt, system.layout.unit
-        self.length = max(1.0, system.layout.scene.length)
 
     def begin(self) -> State:
         """The state at t = 0: velocities that fit joints and drives, and [M Jᵀ; J 0] [q̈; μ] = [f; γ]."""
-        layout, c = self.system.layout, self.system.constraints
+        system, layout, c = self.system, self.system.layout, self.system.constraints
         q, v, p = layout.reference.copy(), layout.velocity.copy(), c.parameters(0.0)
         J = c.jacobian(q, p)
-        self.rows = independent_rows(J, self.unit)
         v = v - Nearest(J)(J @ v + c.rate(q, p))
-        self.damping = self.system.beams.damping(q, v)
-        a, mu = self.accelerations(q, v, 0.0, p)
-        return State(q, v, a, mu, p)
-
-    def accelerations(self, q: Array, v: Array, t: float, p: Array) -> tuple[Array, Array]:
-        """q̈ and μ."""
-        c, mu = self.system.constraints, np.zeros(self.system.constraints.count)
-        force = self.system.force(q, v, t) + self.system.beams.damping(q, v)
-        saddle = Saddle(self.system.mass, c.jacobian(q, p)[self.rows])
+        self.damping = system.beams.damping(q, v)
         self.factorizations += 1
-        a, mu[self.rows] = saddle.solve(force, c.right(q, v, p)[self.rows])
-        return a, mu
+        force = system.force(q, v, 0.0) + self.damping
+        return State(q, v, *Saddle(system.mass, J).solve(force, c.right(q, v, p)), p)
 
     def newton(self, guess: State, t: float, slopes: Slopes) -> State:
         """The state that fulfils the equations at t, from a guess on.
@@ -77,22 +67,22 @@ class Implicit(Marcher):
         Failure
             If the iteration does not converge.
         """
-        system, c, rows = self.system, self.system.constraints, self.rows
-        q, v, a, mu, p = guess.q, guess.v, guess.a, guess.mu.copy(), guess.p
+        system, c = self.system, self.system.constraints
+        q, v, a, mu, p = guess.q, guess.v, guess.a, guess.mu, guess.p
         change, before, residuals = a, np.inf, list[float]()
         for _ in range(ITERATIONS):
             J = c.jacobian(q, p)
             r = system.force(q, v, t) + system.beams.damping(q, v) - system.mass @ a - J.T @ mu
             gap = (J @ a - c.right(q, v, p)) / slopes.by_a if slopes.accelerations else c.value(q, p)
             if not (np.isfinite(r).all() and np.isfinite(gap).all()):
-                raise Failure("Newton's iteration does not converge", change, residuals)
+                break
             residuals.append(float(np.abs(r).max()))
             A = self.matrix(State(q, v, a, mu, p), t, slopes)
-            change, multiplier = Saddle(A, J[rows]).solve(r, -gap[rows])
+            change, multiplier = Saddle(A, J).solve(r, -gap)
             self.factorizations += 1
             self.newton_iterations += 1
             q, v, a = q + change, v + slopes.by_v * change, a + slopes.by_a * change
-            mu[rows] += multiplier
+            mu = mu + multiplier
             largest = float((np.abs(change) / self.unit).max())
             if largest <= self.run.newton_tolerance:
                 return State(q, v, a, mu, p)
@@ -108,10 +98,11 @@ class Implicit(Marcher):
         K = self.system.tangents(s.q, s.v, t, by_velocity=slopes.by_v)
         return Matrix(slopes.by_a * self.system.mass + K + self.system.constraints.hessian(s.q, s.p, s.mu))
 
-    def missed(self, s: State) -> bool:
-        """Whether positions do not fit the constraints: rows that were left out do not follow from the others."""
-        found = np.abs(self.system.constraints.value(s.q, s.p)).max(initial=0.0)
-        return bool(found > MISSED * self.length)
+    def check_position(self, q: Array, p: Array) -> None:
+        """Raise Failure where positions do not fit the constraints: some contradict each other."""
+        allowed = max(MISSED, self.run.newton_tolerance) * self.length
+        if not np.abs(self.system.constraints.value(q, p)).max(initial=0.0) <= allowed:
+            raise Failure("joints and drives leave the bodies no admissible position")
 
 
 class GeneralizedAlpha(Implicit):
@@ -138,17 +129,13 @@ class GeneralizedAlpha(Implicit):
             state.a, state.mu, self.system.constraints.parameters(t),
         )  # fmt: skip
         found = self.newton(guess, t, self.slopes)
-        if self.missed(found):
-            self.rows = independent_rows(self.system.constraints.jacobian(found.q, found.p), self.unit)
-            found = self.newton(guess, t, self.slopes)
-            if self.missed(found):
-                raise Failure("joints and drives leave the bodies no admissible position")
+        self.check_position(found.q, found.p)
         mean = (1.0 - c.alpha_f) * found.a + c.alpha_f * state.a
         self.auxiliary = (mean - c.alpha_m * a) / (1.0 - c.alpha_m)
         damping = self.system.beams.damping(found.q, found.v)
         self.account.resist(float(0.5 * (damping + self.damping) @ (found.q - state.q)))
         self.damping = damping
-        self.system.keep(found.q)
+        self.system.accept(found.q)
         return found
 
 
@@ -180,11 +167,9 @@ class Esdirk(Implicit):
                 self.h * c[i] * state.v + self.h**2 * sum(square[i, j] * w[j] for j in range(i)),
                 self.h * sum(A[i, j] * w[j] for j in range(i)),
             )
-            q, v = self._prescribed(state.q + known[0], state.v + known[1], when)
-            guess = State(
-                q + self.part**2 * w[-1], v + self.part * w[-1], w[-1], found.mu,
-                self.system.constraints.parameters(when),
-            )  # fmt: skip
+            p = self.system.constraints.parameters(when)
+            q, v = self._prescribed(state.q + known[0], state.v + known[1], p)
+            guess = State(q + self.part**2 * w[-1], v + self.part * w[-1], w[-1], found.mu, p)
             found = self.newton(guess, when, self.slopes)
             w.append(found.a)
             power.append(self._power(found, when))
@@ -193,15 +178,14 @@ class Esdirk(Implicit):
         self.account.work += float(work)
         self.account.lost += float(lost)
         self.account.before, self.power = None, power[-1]
-        self.system.keep(found.q)
+        self.system.accept(found.q)
         return found
 
-    def _prescribed(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
-        """q and v before the stage's own acceleration, from which prescribed coordinates reach their values at t."""
+    def _prescribed(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
+        """q and v before the stage's own acceleration, from which prescribed coordinates reach their values."""
         c = self.system.constraints
         if not c.held.any():
             return q, v
-        p = c.parameters(t)
         J, gamma = c.jacobian(q, p), c.right(q, v, p)
         gap = c.value(q, p) + self.part**2 * gamma
         rate = J @ v + c.rate(q, p) + self.part * gamma
@@ -209,7 +193,7 @@ class Esdirk(Implicit):
 
     def _projected(self, s: State, t: float) -> State:
         """Positions and velocities on the constraints, the nearest in the metric of Newton's matrix."""
-        c = self.system.constraints
+        c, still = self.system.constraints, self.system.still
         if c.constant and not c.driven:
             return s
         A, q = self.matrix(s, t, self.slopes), s.q
@@ -217,13 +201,10 @@ class Esdirk(Implicit):
             gap = c.value(q, s.p)
             if np.abs(gap).max() <= ROUNDING * self.length:
                 break
-            q = q + Saddle(A, c.jacobian(q, s.p)[self.rows]).solve(np.zeros(len(q)), -gap[self.rows])[0]
-        else:
-            if self.missed(State(q, s.v, s.a, s.mu, s.p)):
-                raise Failure("joints and drives leave the bodies no admissible position")
+            q = q + Saddle(A, c.jacobian(q, s.p)).solve(still, -gap)[0]
+        self.check_position(q, s.p)
         J = c.jacobian(q, s.p)
-        rate = -(J @ s.v + c.rate(q, s.p))[self.rows]
-        v = s.v + Saddle(A, J[self.rows]).solve(np.zeros(len(q)), rate)[0]
+        v = s.v + Saddle(A, J).solve(still, -(J @ s.v + c.rate(q, s.p)))[0]
         return State(q, v, s.a, s.mu, s.p)
 
     def _power(self, s: State, t: float) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from anctmm.errors import DiscretisationError, shown
 from anctmm.model.joints import Guide, Joint, drive_of, unknown_joint
 from anctmm.model.places import Place
-from anctmm.model.rigid_bodies import RigidBody
+from anctmm.model.rigid_bodies import CENTER, RigidBody
 from anctmm.model.scene import Clamp, Pin, Prismatic, Slider, Weld
 from reference.global_dae.constraints import Drive, Row, Term
 from reference.global_dae.layout import Layout
@@ -56,20 +56,17 @@ class JointRows:
             case Weld(stretch=stretch):
                 yield from self._together(self.joint.grounded)
                 for one, two in pairwise(self.places):
-                    yield from self._aligned(one, two) if stretch == "held" else self._parallel(one, two)
+                    yield from self._aligned(one, two, stretch == "free")
             case Clamp(stretch=stretch):
                 yield from self._together(True)
-                yield from self._directed() if stretch == "held" else self._parallel(None, self.places[0])
+                yield from self._aligned(None, self.places[0], stretch == "free")
             case Slider():
                 yield from self._guided(self.joint)
-            case Prismatic():
+            case Prismatic(body=name):
                 yield from self._guided(self.joint)
-                self.drive = None
-                if self.joint.body is None:
-                    yield from self._directed()
-                else:
-                    line = Place(self.layout.scene.body(self.joint.body), "center")
-                    yield from self._aligned(line, self.places[0])
+                self.drive = None  # it is that of the position
+                line = None if name is None else Place(self.layout.scene.body(name), CENTER)
+                yield from self._aligned(line, self.places[0])
             case _:
                 raise unknown_joint(self.joint)
 
@@ -77,55 +74,35 @@ class JointRows:
         """Places at one point; if the ground holds it, the first is held."""
         vectors = [self.layout.position(place) for place in self.places]
         if grounded:
-            yield from self._hold(vectors[0])
+            yield from self._equal(vectors[0], Vector.fixed(self._placed(vectors[0])))
         for one, two in pairwise(vectors):
-            yield from self._equal(two.minus(one), np.zeros(2))
+            yield from self._equal(two, one)
 
-    def _directed(self) -> Iterator[Row]:
-        """A place whose direction the ground, or a drive there, gives."""
-        place = self.places[0]
-        if self.layout.is_rigid(place):
-            terms = Term(
-                self.layout.direction(place), QUARTER, Vector.fixed((1.0, 0.0)), self.drive is not None
-            )
-            yield Row((terms,), drive=self.drive)
-            return
-        for vector in self.layout.gradients(place):
-            yield from self._hold(vector, driven=True)
+    def _aligned(self, one: Place | None, two: Place, free: bool = False) -> Iterator[Row]:
+        """The second place turns with the first, or with the ground, turned further by a drive.
 
-    def _parallel(self, one: Place | None, two: Place) -> Iterator[Row]:
-        """The second place, of any stretch, points where the first one, or the ground, does, turned by a drive."""
-        second = self.layout.direction(two)
-        first = Vector.fixed(self._placed(second)) if one is None else self.layout.direction(one)
-        turn = BOTH if one is None else self._turn(first, second)
-        yield Row((Term(second, QUARTER @ turn, first, self.drive is not None),), drive=self.drive)
-
-    def _aligned(self, one: Place, two: Place) -> Iterator[Row]:
-        """The second place turns with the first, turned further by a drive."""
-        layout, rigid = self.layout, [self.layout.is_rigid(place) for place in (one, two)]
-        turned = self.drive is not None
-        if all(rigid):
-            yield Row(
-                (Term(layout.direction(two), QUARTER, layout.direction(one), turned),), drive=self.drive
-            )
-            return
-        firsts, seconds = (
-            [layout.direction(place)] if still else layout.gradients(place)
-            for place, still in zip((one, two), rigid, strict=True)
-        )
-        if not any(rigid) and len(firsts) != len(seconds):
+        Of beams all gradients do; of rigid bodies, and where a beam is `free` to stretch, only the direction.
+        """
+        rigid = [place is None or self.layout.is_rigid(place) for place in (one, two)]
+        alone = free or all(rigid)
+        seconds = [self.layout.direction(two)] if alone or rigid[1] else self.layout.gradients(two)
+        if one is None:
+            firsts = [Vector.fixed(self._placed(second)) for second in seconds]
+        else:
+            firsts = [self.layout.direction(one)] if alone or rigid[0] else self.layout.gradients(one)
+        if one is not None and not any(rigid) and len(firsts) != len(seconds):
             raise DiscretisationError(
                 f"{shown(self.joint)} joins {self._element(one)} to {self._element(two)}; one element kind is needed "
                 f"on all sides of a weld"
             )
-        count = max(len(firsts), len(seconds))
-        for k in range(count):
+        turned = self.drive is not None
+        for k in range(max(len(firsts), len(seconds))):
             first, second = firsts[min(k, len(firsts) - 1)], seconds[min(k, len(seconds) - 1)]
             turn = self._turn(first, second)
-            for e in BOTH:
-                axis = Vector.fixed(e)
-                terms = Term(axis, BOTH, second), Term(axis, -turn, first, turned)
-                yield Row(terms, drive=self.drive, held=not any(rigid) and not turned)
+            if alone:
+                yield Row((Term(second, QUARTER @ turn, first, turned),), drive=self.drive)
+            else:
+                yield from self._equal(second, first, turn, turned)
 
     def _element(self, place: Place) -> str:
         name = place.body.name
@@ -135,41 +112,31 @@ class JointRows:
         """A place on its line and, driven, at its position on it."""
         layout, place = self.layout, self.places[0]
         position, along = layout.position(place), np.array(guide.direction)
-        across = QUARTER @ along
-        if guide.body is None:
-            start = self._placed(position)
-            yield self._component(position, across, start)
-            if self.drive is not None:
-                yield self._component(position, along, start)._replace(drive=self.drive, along=True)
-            return
-        apart, t = position.minus(layout.point(guide.body, place.position)), layout.turning(guide.body)
-        for (x, y), drive in ((across, None), *([(along, self.drive)] if self.drive is not None else [])):
-            turn = np.array([[x, -y], [y, x]])
-            yield Row((Term(apart, turn, t),), drive=drive, along=drive is not None)
+        directions = [QUARTER @ along, along][: 1 if self.drive is None else 2]
+        for direction, drive in zip(directions, (None, self.drive), strict=False):
+            term, target = (
+                Term(Vector.fixed(direction), BOTH, position),
+                float(direction @ self._placed(position)),
+            )
+            if guide.body is not None:
+                (x, y), target = direction, 0.0
+                apart = position.minus(layout.point(guide.body, place.position))
+                term = Term(apart, np.array([[x, -y], [y, x]]), layout.turning(guide.body))
+            held = guide.body is None and self._of_beams(position)
+            yield Row((term,), target, drive, along=drive is not None, held=held)
 
-    # --- rows of one vector --------------------------------------------------------------------------------
-
-    def _hold(self, vector: Vector, driven: bool = False) -> Iterator[Row]:
-        """A vector with its value of the reference, turned by the drive where `driven`."""
-        target = self._placed(vector)
-        if self.drive is None or not driven:
-            yield from self._equal(vector, target)
-            return
+    def _equal(
+        self, second: Vector, first: Vector, turn: Array = BOTH, turned: bool = False
+    ) -> Iterator[Row]:
+        """The second vector is the first, turned by a matrix and, where `turned`, by the drive."""
+        held = self._of_beams(first, second) and not (turned and len(first.at))
         for e in BOTH:
             axis = Vector.fixed(e)
-            terms = Term(axis, BOTH, vector), Term(axis, -BOTH, Vector.fixed(target), True)
-            yield Row(terms, drive=self.drive, held=self._of_beams(vector))
+            terms = Term(axis, BOTH, second), Term(axis, -turn, first, turned)
+            yield Row(terms, drive=self.drive if turned else None, held=bool(held))
 
-    def _equal(self, vector: Vector, target: Array) -> Iterator[Row]:
-        for e in BOTH:
-            yield self._component(vector, e, target)
-
-    def _component(self, vector: Vector, direction: Array, target: Array) -> Row:
-        term = Term(Vector.fixed(direction), BOTH, vector)
-        return Row((term,), float(direction @ target), held=self._of_beams(vector))
-
-    def _of_beams(self, vector: Vector) -> bool:
-        return bool((vector.at < self.layout.flexible).all())
+    def _of_beams(self, *vectors: Vector) -> bool:
+        return all(bool((vector.at < self.layout.flexible).all()) for vector in vectors)
 
     def _placed(self, vector: Vector) -> Array:
         return vector(self.layout.reference)

@@ -1,7 +1,7 @@
 """Decorators of the compiled solver's functions: numba's, stored beside the kernels of the package.
 
-numba does not see a change in another file than that of a kernel, so the directory is named by a hash of these sources,
-too.
+numba does not see a change in another file than that of a kernel, so the directory is named by a hash of the sources of
+these kernels, too.
 """
 
 import hashlib
@@ -13,22 +13,27 @@ import numba
 
 from anctmm.kernels import options
 
-#: As those of the package's kernels; but functions may take memory.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
-_sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+#: Modules with kernels.
+SOURCES = ("elements.py", "kernels.py", "lu.py", "steps.py")
+_sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in SOURCES)
 DIRECTORY = f"{options.DIRECTORY}-{hashlib.sha256(_sources).hexdigest()[:16]}"
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function on its first call, and store it on disk."""
+def kernel(function: Callable[..., Any], memory: bool = False) -> Any:
+    """Compile a function on its first call, and store it on disk; `memory`: whether it may take memory."""
     settings: Any = numba.config
     before, settings.CACHE_DIR = settings.CACHE_DIR, DIRECTORY
     try:
-        return numba.njit(function, cache=True, **OPTIONS)
+        return numba.njit(function, cache=True, **options.OPTIONS | {"_nrt": memory})
     finally:
         settings.CACHE_DIR = before
 
 
+def allocating(function: Callable[..., Any]) -> Any:
+    """The same for a function that takes memory."""
+    return kernel(function, memory=True)
+
+
 def inlined(function: Callable[..., Any]) -> Any:
     """Make a function part of the kernels that call it: it is compiled with them."""
-    return numba.njit(function, inline="always", **OPTIONS)
+    return numba.njit(function, inline="always", **options.OPTIONS)

@@ -6,7 +6,6 @@ in the coordinates.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 from warnings import warn
 
@@ -21,10 +20,10 @@ from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene
 from anctmm.model.velocities import second_derivative
+from reference.adapters import nodes_of, slopes_of
 from reference.global_dae.vectors import Vector
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Kinds of element that the solver has.
 ELEMENTS = ("cable", "shear", "quintic", "rigid")
@@ -50,14 +49,14 @@ class Mesh:
         return len(self.kind.vectors)
 
     @property
-    def size(self) -> int:
-        """Number of its coordinates."""
-        return 2 * self.vectors * (self.elements + 1)
+    def orders(self) -> list[int | None]:
+        """Order of the derivative of the axis that each vector of a node is, None of the director."""
+        return [VECTORS[name].derivative for name in self.kind.vectors]
 
     @property
-    def starts(self) -> Ints:
-        """First coordinate of each element, whose coordinates follow one another, (elements,)."""
-        return self.first + 2 * self.vectors * np.arange(self.elements)
+    def own(self) -> slice:
+        """Its coordinates."""
+        return slice(self.first, self.first + 2 * self.vectors * (self.elements + 1))
 
     def number(self, node: int, vector: int) -> int:
         """Number of the x component of a vector of a node."""
@@ -65,13 +64,11 @@ class Mesh:
 
     def reference(self) -> Array:
         """Coordinates of the undeformed beam, (nodes, vectors, 2)."""
-        s = np.linspace(0.0, 1.0, self.elements + 1)[:, None]
-        one, two = np.array(self.body.start), np.array(self.body.end)
-        along = (two - one) / self.body.length
-        vectors = {0: (1.0 - s) * one + s * two, 1: along, None: np.array([-along[1], along[0]])}
+        along = (np.array(self.body.end) - self.body.start) / self.body.length
+        vectors = {0: nodes_of(self.body, self.elements)[0], 1: along, None: np.array([-along[1], along[0]])}
         q = np.zeros((self.elements + 1, self.vectors, 2))
-        for k, name in enumerate(self.kind.vectors):
-            q[:, k] = vectors.get(VECTORS[name].derivative, 0.0)
+        for k, order in enumerate(self.orders):
+            q[:, k] = vectors.get(order, 0.0)
         return q
 
     def velocity(self) -> Array:
@@ -79,23 +76,22 @@ class Mesh:
         body, v = self.body, np.zeros((self.elements + 1, self.vectors, 2))
         if body.velocity is None:
             return v
-        fractions = np.linspace(0.0, 1.0, self.elements + 1).tolist()
-        q = self.reference()[0]
-        for k, name in enumerate(self.kind.vectors):
-            match VECTORS[name].derivative:
+        q, slopes = self.reference()[0], slopes_of(body, self.elements)
+        for k, order in enumerate(self.orders):
+            match order:
                 case None:
-                    v[:, k] = -(v[:, 1] @ q[k])[:, None] * q[1]
+                    v[:, k] = -(slopes @ q[k])[:, None] * q[1]
                 case 0:
-                    v[:, k] = [body.velocity_at(s) for s in fractions]
+                    v[:, k] = nodes_of(body, self.elements)[1]
                 case 1:
-                    v[:, k] = np.array([body.velocity_slope_at(s) for s in fractions]) / body.length
+                    v[:, k] = slopes
                 case 2:
-                    bend = [second_derivative(body.velocity_at, s, self.elements) for s in fractions]
+                    s = np.linspace(0.0, 1.0, self.elements + 1).tolist()
+                    bend = [second_derivative(body.velocity_at, x, self.elements) for x in s]
                     v[:, k] = np.array(bend) * self.element.l / body.length**2
         return v
 
 
-@dataclass(frozen=True)
 class Layout:
     """A scene as discretised, without its joints and forces.
 
@@ -108,83 +104,53 @@ class Layout:
     ------
     DiscretisationError
         Where a kind of element is not known here.
+
+    Notes
+    -----
+    `meshes` has the flexible beams by name, `rigid` the bodies that do not deform, thin bars in place of beams of
+    element "rigid" among them, and `first` the number of the first coordinate of each of these. `reference` and
+    `velocity` are all coordinates of the undeformed scene and their rates at t = 0, (size,), `unit` is the size that a
+    correction of each is compared with: the scene's length, m, or 1 of gradients. The first `flexible` coordinates are
+    those of beams.
     """
 
-    scene: Scene
-    run: Discretisation
-
-    @cached_property
-    def meshes(self) -> dict[str, Mesh]:
-        """Flexible beams, by name."""
-        cut, found, first = self.run.of(self.scene), dict[str, Mesh](), 0
+    def __init__(self, scene: Scene, run: Discretisation) -> None:
+        self.scene, self.run = scene, run
+        self.meshes: dict[str, Mesh] = {}
+        self.rigid: dict[str, RigidBody | PointMass] = {}
+        self.first: dict[str, int] = {}
+        q: list[Array] = []
+        v: list[Array] = []
+        unit: list[Array] = []
+        cut, size = run.of(scene), 0
         check_kinds(cut, ELEMENTS, "the global solver")
-        for body in self.scene.beams:
-            count, name = cut[body.name]
-            kind = kind_of(name)
-            if not kind.rigid:
-                element = kind.element_of(body, count, self.run.quadrature)
-                found[body.name] = Mesh(body, kind, count, element, first)
-                first += found[body.name].size
-        return found
-
-    @cached_property
-    def rigid(self) -> dict[str, RigidBody | PointMass]:
-        """Bodies that do not deform, thin bars in place of beams of element "rigid" among them."""
-        bodies = [body for body in self.scene.bodies if body.name not in self.meshes]
-        return {body.name: thin_bar(body) if isinstance(body, Beam) else body for body in bodies}
-
-    @cached_property
-    def first(self) -> dict[str, int]:
-        """First coordinate of each body that does not deform."""
-        number, found = self.flexible, dict[str, int]()
-        for name, body in self.rigid.items():
-            found[name] = number
-            number += 4 if isinstance(body, RigidBody) else 2
-        return found
-
-    @cached_property
-    def flexible(self) -> int:
-        """Number of coordinates of flexible beams: they are the first."""
-        return sum(mesh.size for mesh in self.meshes.values())
-
-    @cached_property
-    def size(self) -> int:
-        """Number of coordinates."""
-        return self.flexible + sum(4 if isinstance(b, RigidBody) else 2 for b in self.rigid.values())
-
-    @cached_property
-    def reference(self) -> Array:
-        """Coordinates of the undeformed scene."""
-        q = [mesh.reference().ravel() for mesh in self.meshes.values()]
-        for body in self.rigid.values():
-            q.append(np.array(body.position_at("center")))
-            q += [np.array([1.0, 0.0])] if isinstance(body, RigidBody) else []
-        return np.concatenate(q)
-
-    @cached_property
-    def velocity(self) -> Array:
-        """Velocities at t = 0, as the bodies have them."""
-        v = [mesh.velocity().ravel() for mesh in self.meshes.values()]
-        for body in self.rigid.values():
-            v.append(np.array(body.velocity))
-            v += [np.array([0.0, body.spin])] if isinstance(body, RigidBody) else []
-        return np.concatenate(v)
-
-    @cached_property
-    def unit(self) -> Array:
-        """Size that a correction of each coordinate is compared with: the scene's length, m, or 1 of gradients."""
-        unit = np.ones(self.size)
-        for mesh in self.meshes.values():
-            nodes = unit[mesh.first : mesh.first + mesh.size].reshape(-1, 2 * mesh.vectors)
-            nodes[:, :2] = self.scene.length
-        for at in self.first.values():
-            unit[at : at + 2] = self.scene.length
-        return unit
+        kinds = {name: kind_of(element) for name, (_, element) in cut.items()}
+        beams = [body for body in scene.beams if not kinds[body.name].rigid]
+        for body in beams:
+            kind, count = kinds[body.name], cut[body.name][0]
+            mesh = Mesh(body, kind, count, kind.element_of(body, count, run.quadrature), size)
+            self.meshes[body.name], size = mesh, mesh.own.stop
+            q.append(mesh.reference().ravel())
+            v.append(mesh.velocity().ravel())
+            unit.append(np.tile([scene.length] * 2 + [1.0] * (2 * mesh.vectors - 2), count + 1))
+        self.flexible = size
+        for body in (body for body in scene.bodies if body.name not in self.meshes):
+            solid = thin_bar(body) if isinstance(body, Beam) else body
+            turns = isinstance(solid, RigidBody)
+            self.rigid[body.name], self.first[body.name] = solid, size
+            q.append(np.array([*solid.position_at("center"), *([1.0, 0.0] if turns else [])]))
+            v.append(
+                np.array([*solid.velocity, *([0.0, solid.spin] if isinstance(solid, RigidBody) else [])])
+            )
+            unit.append(np.array([scene.length] * 2 + [1.0] * (2 * turns)))
+            size += len(q[-1])
+        self.size = size
+        self.reference, self.velocity, self.unit = (np.concatenate(parts) for parts in (q, v, unit))
 
     def owner(self, number: int) -> tuple[str, int | None]:
         """Body, and of a flexible beam the element, that a coordinate belongs to."""
         for name, mesh in self.meshes.items():
-            if mesh.first <= number < mesh.first + mesh.size:
+            if mesh.own.start <= number < mesh.own.stop:
                 return name, min((number - mesh.first) // (2 * mesh.vectors), mesh.elements - 1)
         return max((at, name) for name, at in self.first.items() if at <= number)[1], None
 
@@ -195,9 +161,8 @@ class Layout:
         body = self.rigid.get(place.body.name)
         if body is None:
             return self._axis(place, 0)
-        at = self.first[place.body.name]
         if isinstance(body, PointMass):
-            return Vector.of([(at, 1.0)])
+            return Vector.of([(self.first[place.body.name], 1.0)])
         return self.point(place.body.name, place.position)
 
     def point(self, name: str, position: tuple[float, float]) -> Vector:
@@ -234,7 +199,7 @@ class Layout:
         weights = np.zeros((mesh.elements + 1) * mesh.vectors)
         for e in range(mesh.elements):
             weights[e * mesh.vectors : (e + 2) * mesh.vectors] += mesh.element.load
-        return Vector.of((mesh.first + 2 * int(k), float(weights[k])) for k in np.flatnonzero(weights))
+        return _weighted(mesh.first, weights)
 
     def _axis(self, place: Place, order: int | None) -> Vector:
         """The axis of a flexible beam at a place, or its derivative of an order; of None the director."""
@@ -242,20 +207,22 @@ class Layout:
         along = float(place.key) * mesh.elements
         near = round(along)
         if abs(along - near) <= AT_NODE:
-            names = [VECTORS[name].derivative for name in mesh.kind.vectors]
-            return Vector.of([(mesh.number(near, names.index(order)), 1.0)])
+            return Vector.of([(mesh.number(near, mesh.orders.index(order)), 1.0)])
         node = int(along)
         element, xi = mesh.element, along - node
         weights = (element.turning(xi) if order is None else element.axis(xi, order))[0]
-        first = mesh.number(node, 0)
-        return Vector.of((first + 2 * int(k), float(weights[k])) for k in np.flatnonzero(weights))
+        return _weighted(mesh.number(node, 0), weights)
+
+
+def _weighted(first: int, weights: Array) -> Vector:
+    """A sum of vectors that follow one another, each with its weight."""
+    return Vector.of((first + 2 * int(k), float(weights[k])) for k in np.flatnonzero(weights))
 
 
 def thin_bar(beam: Beam) -> RigidBody:
     """A rigid thin bar in place of a beam."""
     one, two = (complex(*beam.velocity_at(s)) for s in (0.0, 1.0))
-    axis = complex(beam.end[0] - beam.start[0], beam.end[1] - beam.start[1])
-    turning = (two - one) / axis
+    turning = (two - one) / complex(*np.subtract(beam.end, beam.start))
     if abs(turning.real) * beam.length > STRETCHING * max(abs(one), abs(two)):
         warn(
             f"rigid body {beam.name!r} has initial velocities that stretch it; only their rigid part is used",

@@ -51,6 +51,7 @@ class Marcher:
     def __init__(self, system: System) -> None:
         self.system, self.run = system, system.layout.run
         self.newton_iterations, self.factorizations = 0, 0
+        self.length = max(1.0, system.layout.scene.length)
         self.account = Account(system)
 
     def begin(self) -> State:
@@ -66,9 +67,9 @@ class Marcher:
         """To the end, or as far as it goes."""
         system, run = self.system, self.run
         wanted, times = set(run.output_steps.tolist()), run.times(np.arange(run.steps + 1))
-        record, kept = Record(system), list[int]()
+        record, kept = Record(system.layout), list[int]()
         start = process_time(), perf_counter()
-        status, n = Status(), 0
+        n = 0
 
         def so_far(status: Status, steps: int) -> Solution:
             spent = process_time() - start[0], perf_counter() - start[1]
@@ -87,13 +88,12 @@ class Marcher:
                     record.keep(state.q, state.v, state.a, energies)
                     kept.append(n)
         except Failure as failure:
-            status = failed_step(system.layout, failure, n, float(times[n]), self.advice)
-            return so_far(status, n - 1)
+            return so_far(failed_step(system.layout, failure, n, float(times[n]), self.advice), n - 1)
         except KeyboardInterrupt:
             raise Interrupted(so_far(interruption(float(times[max(n - 1, 0)])), n - 1)) from None
         except PropertyError as error:  # of a load, a drive or a law
             raise HistoryError(so_far(broken_off(error, float(times[max(n - 1, 0)])), n - 1)) from error
-        return so_far(status, run.steps)
+        return so_far(Status(), run.steps)
 
 
 def failed_step(layout: Layout, failure: Failure, n: int, t: float, advice: str) -> Status:
@@ -108,61 +108,59 @@ def failed_step(layout: Layout, failure: Failure, n: int, t: float, advice: str)
     return Status("diverged", message, t, n, body, element, failure.residuals)
 
 
-class Record:
-    """Outputs of a run, and the rotations of bodies, which are summed over all steps because of whole turns."""
+class Turns:
+    """Rotations of bodies, which are summed over all steps because of whole turns."""
 
-    def __init__(self, system: System) -> None:
-        layout = system.layout
-        self.layout = layout
+    def __init__(self, layout: Layout) -> None:
+        self.names = turning_bodies(layout.scene)
+        bodies = [layout.scene.body(name) for name in self.names]
+        places = [Place(body, 0.0 if isinstance(body, Beam) else CENTER) for body in bodies]
+        self.at = np.array([layout.direction(place).at for place in places], dtype=np.int64).reshape(-1, 2)
+        self.last, self.angles = layout.reference[self.at], np.zeros(len(self.at))
+
+    def count(self, states: Array) -> Array:
+        """Angles after each of several steps, (n, bodies), rad: in each a body turns by less than half a turn."""
+        now = states[:, self.at]
+        (x, y), (u, v) = (np.moveaxis(z, 2, 0) for z in (np.concatenate([self.last[None], now[:-1]]), now))
+        found = self.angles + np.cumsum(np.arctan2(x * v - y * u, x * u + y * v), axis=0)
+        self.last, self.angles = now[-1], found[-1]
+        return np.asarray(found)
+
+
+class Record:
+    """Outputs of a run."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout, self.turns = layout, Turns(layout)
         self.states: list[tuple[Array, ...]] = []
-        self.turning = turning_bodies(layout.scene)
-        self.places = turning_coordinates(layout, self.turning)
-        self.last = layout.reference[self.places]
-        self.angles = np.zeros(len(self.places))
 
     def count_turns(self, q: Array) -> None:
-        """Add the rotations since the last call, each less than half a turn."""
-        now = q[self.places]
-        (x, y), (u, v) = self.last.T, now.T
-        self.angles = self.angles + np.arctan2(x * v - y * u, x * u + y * v)
-        self.last = now
+        """Add the rotations since the last call."""
+        self.turns.count(q[None])
 
     def keep(self, q: Array, v: Array, a: Array, energies: Array) -> None:
         """One more output."""
-        self.states.append((q, v, a, energies, self.angles))
+        self.states.append((q, v, a, energies, self.turns.angles))
 
     def solution(
         self, solver: str, t: Array, cost: Cost, status: Status, *, static: bool = False
     ) -> Solution:
         """The answer as far as it goes."""
-        size, count = self.layout.size, len(self.turning)
-        series = list(zip(*self.states, strict=True)) or [()] * 5
-        widths = (size, size, size, 5, count)
+        size = self.layout.size
+        widths = (size, size, size, 5, len(self.turns.names))
+        columns = list(zip(*self.states, strict=True)) or [()] * len(widths)
         q, v, a, energies, angles = (
-            np.array(x).reshape(len(self.states), w) for x, w in zip(series, widths, strict=True)
+            np.array(x).reshape(-1, w) if w else np.zeros((len(x), 0))
+            for x, w in zip(columns, widths, strict=True)
         )
-        rates = () if static else (v, a)
-        named = None if static else (self.turning, angles)
-        return answer(self.layout, solver, t, (q, *rates), energies, cost, status, named)
-
-
-def turning_coordinates(layout: Layout, names: Sequence[str]) -> Ints:
-    """Coordinates of the vectors that turn with the starts of bodies, (names, 2)."""
-    bodies = [layout.scene.body(name) for name in names]
-    places = [Place(body, 0.0 if isinstance(body, Beam) else CENTER) for body in bodies]
-    return np.array([layout.direction(place).at for place in places], dtype=np.int64).reshape(-1, 2)
+        turned = None if static else dict(zip(self.turns.names, angles.T, strict=True))
+        return answer(self.layout, solver, t, (q,) if static else (q, v, a), energies, cost, status, turned)
 
 
 def answer(
-    layout: Layout,
-    solver: str,
-    t: Array,
-    series: Sequence[Array],
-    energies: Array,
-    cost: Cost,
-    status: Status,
-    turned: tuple[Sequence[str], Array] | None,
-) -> Solution:
+    layout: Layout, solver: str, t: Array, series: Sequence[Array], energies: Array, cost: Cost, status: Status,
+    turned: dict[str, Array] | None,
+) -> Solution:  # fmt: skip
     """The solution, as far as checks find nothing wrong.
 
     Parameters
@@ -170,14 +168,13 @@ def answer(
     series : sequence of ndarray, each (n, size)
         Coordinates and, of motions, velocities and accelerations.
     energies : ndarray, shape (n, 5)
-    turned : bodies and their angles, (n, bodies), or None
+    turned : mapping from body to its angles, (n,), or None
         Of motions; without them the solution is static.
     """
     fields = fields_of(layout, series)
-    for name, angle in zip(turned[0], turned[1].T, strict=True) if turned is not None else ():
+    for name, angle in (turned or {}).items():
         fields[name] = replace(fields[name], start_angle=angle.copy())  # type: ignore[type-var]
-    static = turned is None
-    energy = Energy(*(column.copy() for column in energies.T))
+    static, energy = turned is None, Energy(*energies.T.copy())
     found = Solution(
         solver, layout.scene, layout.run, t, fields, energy, cost, status, layout.size, static=static
     )
@@ -189,37 +186,31 @@ def fields_of(layout: Layout, series: Sequence[Array]) -> dict[str, Field]:
     found, n = dict[str, Field](), len(series[0])
     for body in layout.scene.bodies:
         if (mesh := layout.meshes.get(body.name)) is not None:
-            own = (x[:, mesh.first : mesh.first + mesh.size].reshape(n, -1, mesh.vectors, 2) for x in series)
+            own = (x[:, mesh.own].reshape(n, mesh.elements + 1, mesh.vectors, 2) for x in series)
             found[body.name] = beam_field(mesh.kind, mesh.body, *own)
-        elif isinstance(body, Beam):
-            first, *others = (_bar(layout, body, x) for x in series)
+            continue
+        solid, at = layout.rigid[body.name], layout.first[body.name]
+        r, turns = (x[:, at : at + 2] for x in series), isinstance(solid, RigidBody)
+        still = [
+            np.tile([float(k == 0), 0.0], (n, 1)) for k in range(len(series))
+        ]  # a point mass does not turn
+        t = (x[:, at + 2 : at + 4] for x in series) if turns else still
+        pairs = list(zip(r, t, strict=True))
+        if isinstance(body, Beam):
+            assert isinstance(solid, RigidBody)
+            first, *others = (_bar(body, solid, *pair) for pair in pairs)
             found[body.name] = HermiteField(first, body.length, *others)
         else:
-            points = {key: body.arm(key) for key in body.points} if isinstance(body, RigidBody) else {}
-            first, *others = (_vectors(layout, body, x, k == 0) for k, x in enumerate(series))
+            points = {} if isinstance(body, PointMass) else {key: body.arm(key) for key in body.points}
+            first, *others = (np.stack(pair, axis=1) for pair in pairs)
             found[body.name] = RigidField(first, points, *others)
     return found
 
 
-def _vectors(layout: Layout, body: RigidBody | PointMass, x: Array, places: bool) -> Array:
-    """r and t, or their rates, of a rigid body, (n, 2, 2); a point mass does not turn."""
-    at = layout.first[body.name]
-    if isinstance(body, RigidBody):
-        return x[:, at : at + 4].reshape(-1, 2, 2)
-    still = np.tile([1.0 if places else 0.0, 0.0], (len(x), 1))
-    return np.stack([x[:, at : at + 2], still], axis=1)
-
-
-def _bar(layout: Layout, beam: Beam, x: Array) -> Array:
+def _bar(beam: Beam, bar: RigidBody, r: Array, t: Array) -> Array:
     """Both nodes of a rigid bar, (n, 2, 2, 2)."""
-    body, at = layout.rigid[beam.name], layout.first[beam.name]
-    assert isinstance(body, RigidBody)
-    r, t = x[:, at : at + 2], x[:, at + 2 : at + 4]
     normal = np.stack([-t[:, 1], t[:, 0]], axis=1)
     dx, dy = (np.array(beam.end) - beam.start) / beam.length
-    gradient = dx * t + dy * normal
-    nodes = []
-    for key in ("start", "end"):
-        u, w = body.arm(key)
-        nodes.append(np.stack([r + u * t + w * normal, gradient], axis=1))
+    arms = (bar.arm(key) for key in ("start", "end"))
+    nodes = [np.stack([r + u * t + w * normal, dx * t + dy * normal], axis=1) for u, w in arms]
     return np.stack(nodes, axis=1)

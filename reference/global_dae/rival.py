@@ -2,55 +2,41 @@
 
 All that stays the same is prepared by the plain description of the scene: constraints J q = b(t) with a constant J,
 mass, dead forces. Explicit steps solve with one factorization, Newton's matrix is assembled into a fixed pattern and
-factored in place when its corrections fall slowly.
+factored in place when its corrections fall slowly. Compiled steps store every state of a batch; work, whole turns and
+outputs are found from these.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.errors import PropertyError
 from anctmm.model.drives import tabulate
-from anctmm.model.topology import turning_bodies
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.solution import Cost, Solution
 from anctmm.results.status import Status
-from reference.global_dae.beams import Matrix
+from reference.global_dae import explicit, implicit, saddle, steps
 from reference.global_dae.constraints import Constraints, Drive
-from reference.global_dae.elements import elements_of
-from reference.global_dae.loads import LoadForce, Moment, PointForce
-from reference.global_dae.lu import Pattern, choose, factorise, no_factors
-from reference.global_dae.marching import Failure, answer, failed_step, turning_coordinates
-from reference.global_dae.saddle import Nearest, Saddle, independent_rows
-from reference.global_dae.steps import (
-    ITERATIONS,
-    Equations,
-    Loads,
-    Motion,
-    NewtonMatrix,
-    Outputs,
-    Rows,
-    Scheme,
-    Tables,
-    assemble,
-    explicit_steps,
-    implicit_steps,
-)
+from reference.global_dae.elements import Matrix
+from reference.global_dae.forces import LoadForce, Moment, PointForce
+from reference.global_dae.lu import factorise
+from reference.global_dae.marching import Failure, Turns, answer, failed_step
+from reference.global_dae.steps import History, Loads, Rows, Tables
 from reference.global_dae.system import System
 from reference.global_dae.vectors import QUARTER
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-NO_PATTERN = Pattern(*np.zeros((3, 0), dtype=np.uint32))
-#: Seconds between two chances to interrupt a run, and steps tabulated at once at most.
-PAUSE, MOST = 0.1, 4_096
+#: Part of the largest pivot of J Jᵀ below which rows depend on each other.
+DEPENDENT = 1e-12
+#: Seconds between two chances to interrupt a run; steps of a batch, and numbers that they store, at most.
+PAUSE, MOST, ROOM = 0.1, 4_096, 4_000_000
 
 
 def has(system: System) -> bool:
@@ -61,287 +47,270 @@ def has(system: System) -> bool:
         and bool(layout.meshes)
         and not system.connectors
         and c.constant
-        and len(independent_rows(c.jacobian(layout.reference, c.parameters(0.0)), layout.unit)) == c.count
-        and all(_simple(load) for load in system.loads)
+        and all(map(_simple, system.loads))
+        and _independent(c.jacobian(layout.reference, c.parameters(0.0)))
     )
 
 
 def _simple(load: LoadForce) -> bool:
     """Whether a load is a force on a linear place that does not turn, or a moment on one vector of a node."""
-    return isinstance(load, PointForce) or (isinstance(load, Moment) and len(load.at) == 2)
+    return isinstance(load, PointForce) or (isinstance(load, Moment) and len(load.vectors[0].at) == 2)
 
 
-def marched(system: System, solver: str, dense: bool, projected: bool) -> Solution:
-    """Motion of a scene; `dense`: whether matrices are dense, and factored at each step."""
-    return Rival(system, dense, projected).march(solver)
-
-
-@dataclass
-class Reached:
-    """Step that a batch has come to, outputs stored, and why it ended there; empty if it is the batch's end."""
-
-    step: int
-    outputs: int
-    why: str = ""
+def _independent(J: sparse.csr_array) -> bool:
+    if not J.shape[0]:
+        return True
+    try:
+        pivots = np.abs(splu(Matrix(J @ J.T)).U.diagonal())
+    except RuntimeError:  # exactly singular
+        return False
+    return bool(pivots.min() > DEPENDENT * pivots.max())
 
 
 class Rival:
-    """One scene, prepared."""
+    """One scene, prepared.
 
-    def __init__(self, system: System, dense: bool, projected: bool) -> None:
-        self.system, self.layout, self.run = system, system.layout, system.layout.run
+    Parameters
+    ----------
+    system : System
+    dense : bool
+        Whether matrices are dense, and factored at each step.
+    """
+
+    def __init__(self, system: System, dense: bool) -> None:
+        self.system, self.layout, self.run, self.dense = system, system.layout, system.layout.run, dense
         c = system.constraints
+        self.n, self.m = system.size, c.count
         self.J = c.jacobian(self.layout.reference, c.parameters(0.0))
-        self.drives = list(dict.fromkeys(row.drive for row in c.rows if row.drive is not None))
-        self.n, self.m, self.dense = system.size, c.count, dense
-        self.full = np.zeros((self.n + self.m,) * 2) if dense else None
-        run, h = self.run, self.run.exact_dt
-        alpha = GeneralizedAlpha(run.spectral_radius).of_step(h)
-        self.scheme = Scheme(
-            h, run.psi, run.phi, projected, dense, alpha.alpha_m, alpha.alpha_f, alpha.beta, alpha.gamma, alpha.to_w,
-            alpha.gamma / (alpha.beta * h), run.newton_tolerance,
+        self.rows = _RightSide(c)
+        h = self.run.exact_dt
+        alpha = GeneralizedAlpha(self.run.spectral_radius).of_step(h)
+        by_a, by_v = (0.0, 0.0) if self.run.explicit else (alpha.to_w, alpha.gamma / (alpha.beta * h))
+        self.separate = separated(system.mass, self.J) if self.run.explicit and not dense else None
+        scale = np.abs(self._matrix(by_a, by_v).diagonal()).mean()
+        J, none = self.J, np.zeros(0)
+        gram = factorise(Matrix(J @ J.T), np.arange(self.m)[:, None])
+        self.equations = steps.Equations(
+            steps.Scheme(
+                h, self.run.psi, self.run.phi, alpha.alpha_m, alpha.alpha_f, alpha.beta, alpha.gamma, by_a, by_v,
+                self.run.newton_tolerance, dense, float(scale),
+            ),
+            system.beams.elements(by_v),
+            Rows(_index(J.indptr), _index(J.indices), J.data.copy(), gram, *np.zeros((2, self.m))),
+            loads_of(system.loads), system.dead, factorise(Matrix((0, 0)), np.zeros((0, 1), dtype=np.int64)),
+            saddle_of(system, J, float(scale)), np.zeros((self.n + self.m if dense else 0,) * 2),
+            self._start(float(scale)),
         )  # fmt: skip
-        self.elements = elements_of(
-            list(self.layout.meshes.values()), 0.0 if run.explicit else self.scheme.by_v
-        )
-        self.loads = loads_of(system.loads)
-        self.scale = float(system.mass.diagonal().mean())
-        if run.explicit:
-            self._prepare_explicit()
-        else:
-            self._prepare_implicit()
-        self.begin()
+        self._factor(self.layout.reference, np.zeros((len(system.loads), 2)))
+        self.turns, self.last, self.work = Turns(self.layout), [none] * 0, np.zeros(2)
 
-    def begin(self) -> None:
-        """Set the state to t = 0."""
-        layout, c = self.layout, self.system.constraints
+    def _matrix(self, by_a: float, by_v: float) -> Matrix:
+        """Matrix of the coordinates in the reference; that of components that do not mix if these are separate."""
+        if self.run.explicit:
+            return self.system.mass if self.separate is None else self.separate[0]
+        K = self.system.tangents(self.layout.reference, self.system.still, 0.0, by_velocity=by_v)
+        return Matrix(by_a * self.system.mass + K)
+
+    def _start(self, scale: float) -> steps.Motion:
+        """The state at t = 0."""
+        system, layout, c, n, m = self.system, self.layout, self.system.constraints, self.n, self.m
         q, p = layout.reference.copy(), c.parameters(0.0)
-        v = layout.velocity - Nearest(self.J)(self.J @ layout.velocity + c.rate(q, p))
-        places = turning_coordinates(layout, turning_bodies(layout.scene))
-        n, m = self.n, self.m
-        self.motion = Motion(  # type: ignore[call-arg]
-            q, v, np.zeros(n), np.zeros(n), np.zeros(m), *np.zeros((3, n)), *np.zeros((4, n + m)),
-            *np.zeros((3, n)), *np.zeros((3, m)), np.zeros((len(self.loads.torque) + len(self.drives), 4)),
-            np.zeros(2), places, q[places], np.zeros(len(places)), np.zeros(6, dtype=np.int64), layout.unit,
-            np.zeros(ITERATIONS),
+        v = layout.velocity - saddle.Nearest(self.J)(self.J @ layout.velocity + c.rate(q, p))
+        damping = system.beams.damping(q, v)
+        a, mu = saddle.Saddle(system.mass, self.J).solve(system.force(q, v, 0.0) + damping, c.right(q, v, p))
+        return steps.Motion(
+            q, v, a, a.copy(), damping, mu / scale, *np.zeros((5, n)), *np.zeros((2, n + m)), layout.unit, np.zeros(n),
+            np.zeros(steps.ITERATIONS), np.zeros(4, dtype=np.int64), np.zeros(1),
         )  # fmt: skip
-        if not self.run.explicit:
-            force = self.system.force(q, v, 0.0) + self.system.beams.damping(q, v)
-            a, mu = Saddle(self.system.mass, self.J).solve(force, c.right(q, v, p))
-            self.motion.a[:], self.motion.auxiliary[:], self.motion.mu[:] = a, a, mu / self.scale
-            self.motion.damping[:] = self.system.beams.damping(q, v)
+
+    def _factor(self, q: Array, loads: Array) -> None:
+        """Order and pivots, at a state."""
+        e = self.equations
+        matrix, size = e.saddle, self.n + self.m
+        if self.run.explicit:
+            matrix.data[:] = matrix.mass + matrix.joints
+        else:
+            steps.assemble(e, loads, q)
+        if self.dense:
+            return
+        if self.separate is not None:
+            small, places = saddle.Saddle(*self.separate).matrix, np.arange(size).reshape(-1, 2)
+        else:
+            where = matrix.row.astype(np.int64), matrix.column.astype(np.int64)
+            small, places = Matrix((matrix.data.copy(), *where), shape=(size, size)), np.arange(size)[:, None]
+        self.equations = e._replace(lu=factorise(small, places))
+
+    # --- marching ------------------------------------------------------------------------------------------
 
     def march(self, solver: str) -> Solution:
         """To the end, or as far as it goes."""
-        run, wanted = self.run, np.append(self.run.output_steps, -1)
-        turning = turning_bodies(self.layout.scene)
-        out = Outputs(
-            wanted, np.zeros((len(wanted) - 1, 3, self.n)), np.zeros((len(wanted) - 1, 2)),
-            np.zeros((len(wanted) - 1, len(turning))),
-        )  # fmt: skip
-        self._batch(0, 0, self._tables(0, 0), out)  # compiles
-        start = process_time(), perf_counter()
-        step = count = 0
-        status = Status()
+        run, step, batch, outputs = self.run, 0, 16, list[tuple[Array, ...]]()
+        march: Any = steps.explicit_steps if run.explicit else steps.implicit_steps
+        march(self.equations, 0, self._tables(0, 0), self._room(0))  # compiles
+        start, status = (process_time(), perf_counter()), Status()
 
         def so_far(status: Status) -> Solution:
-            counts = self.motion.counts
-            factorizations = 1 if run.explicit and not self.dense else int(counts[1])
             spent = process_time() - start[0], perf_counter() - start[1]
-            cost = Cost(*spent, max(min(step, run.steps + 1) - 1, 0), int(counts[0]), factorizations)
-            return self._answer(solver, out, count, cost, status, turning)
+            return self._solution(solver, outputs, max(min(step, run.steps + 1) - 1, 0), spent, status)
 
+        most = max(1, min(MOST, ROOM // (3 * self.n + 5 * self.m)))
+        repivoted = -1
         try:
-            batch = 16
             while step <= run.steps and status.ok:
-                last = min(step + batch, run.steps + 1)
-                began = perf_counter()
-                tables, error = self._known_tables(step, last)
-                reached = self._batch(step, step + len(tables.loads), tables, out.after(count))
-                step, count = reached.step, count + reached.outputs
-                if reached.why:
-                    status = self._diverged(reached)
-                elif error is not None:
-                    raise error
-                batch = min(MOST, 2 * batch) if perf_counter() - began < PAUSE else batch
+                last, began = min(step + min(batch, most), run.steps + 1), perf_counter()
+                try:
+                    tables = self._tables(step, last)
+                except PropertyError:  # of a load or a drive: go on to the step at which it fails
+                    if last == step + 1:
+                        raise
+                    most = 1
+                    continue
+                history = self._room(last - step)
+                done = march(self.equations, step, tables, history)
+                outputs.append(self._outputs(step, done, tables, history))
+                step += done
+                if step < last and self._singular and step != repivoted:
+                    repivoted = step
+                    self._factor(self.equations.motion.q, tables.loads[done])
+                elif step < last:
+                    status = self._diverged(step)
+                batch = 2 * batch if perf_counter() - began < PAUSE else batch
         except KeyboardInterrupt:
             raise Interrupted(so_far(interruption(self._time(max(step - 1, 0))))) from None
-        except PropertyError as error:  # of a load or a drive
+        except PropertyError as error:
             raise HistoryError(so_far(broken_off(error, self._time(max(step - 1, 0))))) from error
         return so_far(status)
 
-    # --- preparation ---------------------------------------------------------------------------------------
+    @property
+    def _singular(self) -> bool:
+        return bool(self.equations.motion.counts[steps.ENDED] == steps.SINGULAR)
 
-    def _prepare_explicit(self) -> None:
-        """Factors of [M sJᵀ; sJ 0]: of vectors where no row mixes x and y, else of components."""
-        full = Saddle(self.system.mass, self.J).matrix
-        scalar = separated(self.system.mass, self.J)
-        places = np.arange(self.n + self.m)[:, None]
-        self.constant = full.indptr.astype(np.uint32), full.indices.astype(np.uint32), full.data
-        if self.dense:
-            self.factors = no_factors(places)
-        elif scalar is not None:
-            self.factors = factorise(Saddle(*scalar).matrix, places.reshape(-1, 2))
-            self.scale = float(scalar[0].diagonal().mean())
-        else:
-            self.factors = factorise(full, places)
-        self.rows = rows_of(self.system.constraints, self.J, self.drives, self.scale)
-        self.matrix, self.pattern = newton_matrix(self.system, self.J, self.scale), NO_PATTERN
-
-    def _prepare_implicit(self) -> None:
-        """Pattern of Newton's matrix, with the order and the pivots of the undeformed scene."""
-        system, s = self.system, self.scheme
-        K = system.tangents(self.layout.reference, system.still, 0.0, by_velocity=s.by_v)
-        self.scale = float(np.abs((s.by_a * system.mass + K).diagonal()).mean())
-        self.rows = rows_of(system.constraints, self.J, self.drives, self.scale)
-        self.matrix = newton_matrix(system, self.J, self.scale)
-        self._choose_pivots(self.layout.reference, np.zeros((len(self.loads.torque), 2)))
-
-    def _choose_pivots(self, q: Array, loads: Array) -> None:
-        places, matrix = np.arange(self.n + self.m)[:, None], self.matrix
-        assemble(matrix, self.scheme.by_a, self.elements, self.loads, loads, q)
-        self.constant = matrix.column, matrix.row, matrix.data
-        if self.dense:
-            self.pattern, self.factors = NO_PATTERN, no_factors(places)
-        else:
-            data = matrix.data[: len(matrix.row)].copy()
-            where = matrix.row.astype(np.int64), matrix.column.astype(np.int64)
-            A = Matrix((data, *where), shape=(self.n + self.m,) * 2)
-            self.pattern, self.factors = choose(A, places)
-
-    # --- batches -------------------------------------------------------------------------------------------
-
-    def _batch(self, first: int, last: int, tables: Tables, out: Outputs) -> Reached:
-        """Do steps first … last − 1 (step 0 is the start)."""
-        counts = self.motion.counts
-        equations = Equations(
-            self.scheme, self.elements, self.rows, self.loads, self.system.dead, self.factors, self.constant,
-            self.matrix, self.pattern, self.motion,
-        )  # fmt: skip
-        if self.run.explicit:
-            span = first, last, self.run.steps
-            step, outputs = explicit_steps(equations, tables, out, span, self.full)
-            return Reached(step, outputs, "" if step == last else "accelerations are not finite")
-        start, outputs, repivoted = first, 0, -1
-        while True:
-            rest = Tables(*(table[start - first :] for table in tables))
-            equations = equations._replace(factors=self.factors, pattern=self.pattern)
-            code = implicit_steps(equations, rest, out.after(outputs), (start, last), self.full)
-            start, outputs = int(counts[4]), outputs + int(counts[5])
-            if code == 0:
-                return Reached(start, outputs)
-            if code == 1 or start == repivoted:
-                return Reached(
-                    start,
-                    outputs,
-                    "Newton's iteration does not converge" if code == 1 else "the tangent is singular",
-                )
-            repivoted = start
-            self._choose_pivots(self.motion.q, tables.loads[start - first])
-
-    def _known_tables(self, first: int, last: int) -> tuple[Tables, PropertyError | None]:
-        """Tables of steps first … last − 1, or of those before the one at which a history fails, and its error."""
-        try:
-            return self._tables(first, last), None
-        except PropertyError as error:
-            for n in range(first, last):
-                try:
-                    self._tables(n, n + 1)
-                except PropertyError as own:
-                    return self._tables(first, n), own
-            return self._tables(first, first), error
+    def _room(self, count: int) -> History:
+        states = (np.empty((count, self.n)) for _ in range(3))
+        return History(*states, np.empty((count, self.m)), np.empty(count))
 
     def _tables(self, first: int, last: int) -> Tables:
-        """Values of loads and drives at steps; one more for the drives of explicit steps, which look ahead."""
+        """Values of loads and right-hand sides at the steps first … last − 1."""
         t = self.run.times(np.arange(first, last))
-        ahead = self.run.times(np.minimum(np.arange(first, last + 1), self.run.steps))
-        return Tables(load_table(self.system.loads, t), drive_table(self.drives, ahead))
+        loads = np.zeros((len(t), len(self.system.loads), 2))
+        for k, load in enumerate(self.system.loads):
+            value: Any = load.load.value
+            loads[:, k, : load.width] = (
+                tabulate(load.name, value, t, load.width) if callable(value) else value
+            )
+        self.p = self.rows.parameters(t)
+        return Tables(loads, *self.rows(self.p))
+
+    def _outputs(self, first: int, done: int, tables: Tables, history: History) -> tuple[Array, ...]:
+        """Steps of a batch that are wanted: their numbers, q, v, a, work, and angles."""
+        q, v, a, mu, lost = (part[:done] for part in history)
+        number = first + np.arange(done)
+        if not done:
+            return number, q, v, a, np.zeros((0, 2)), np.zeros((0, len(self.turns.names)))
+        angles = self.turns.count(q)
+        work = np.stack([self._work(q, mu, tables.loads[:done]) + lost, lost], axis=1)
+        summed = self.work + np.cumsum(work, axis=0)
+        self.work = summed[-1]
+        kept = np.isin(number, self.run.output_steps)
+        return number[kept], q[kept], v[kept], a[kept], summed[kept], angles[kept]
+
+    def _work(self, q: Array, mu: Array, loads: Array) -> Array:
+        """Work of loads and drives in each of several steps, (n,), by the trapezoidal rule.
+
+        Of a force ½ (F_n + F_{n+1}) · Δr, of a moment its mean times the change of the angle, of a drive μᵀ ∂Φ/∂p.
+        """
+        now = [q, loads, -mu * self.rows.slope(self.p[: len(q)]), self.p[: len(q), :, 0]]
+        q, loads, pulls, p = (
+            np.concatenate(pair) for pair in zip(self.last or [x[:1] for x in now], now, strict=True)
+        )
+        self.last = [x[-1:] for x in (q, loads, pulls, p)]
+        work = 0.5 * ((pulls[1:] + pulls[:-1]) * np.diff(p, axis=0)).sum(axis=1)
+        for k, load in enumerate(self.system.loads):
+            at, A = load.vectors[0].at, load.vectors[0].A
+            x, F = q[:, at] @ A.T, loads[:, k]
+            if isinstance(load, Moment):
+                x = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))[:, None]
+            work += 0.5 * ((F[1:] + F[:-1])[:, : x.shape[1]] * np.diff(x, axis=0)).sum(axis=1)
+        return np.asarray(work)
 
     def _time(self, step: int) -> float:
         return float(self.run.times(np.array([step]))[0])
 
-    def _diverged(self, reached: Reached) -> Status:
-        m = self.motion
-        residuals = m.residuals[m.residuals > 0.0].tolist() if not self.run.explicit else ()
-        change = np.zeros(self.n)
-        change[int(m.counts[2])] = 1.0
-        failure = Failure(reached.why, m.force if self.run.explicit else change, residuals)
-        advice = (
-            "take a smaller dt, or a coarser mesh, or an implicit integrator"
-            if self.run.explicit
-            else "take a smaller dt, a coarser mesh, more damping (spectral_radius) or a larger newton_tolerance"
-        )
-        return failed_step(self.layout, failure, reached.step, self._time(reached.step), advice)
+    def _diverged(self, step: int) -> Status:
+        m = self.equations.motion
+        if self.run.explicit:
+            failure = Failure("accelerations are not finite", m.change)
+        else:
+            why = "the tangent is singular" if self._singular else "Newton's iteration does not converge"
+            failure = Failure(why, m.change, m.residuals[m.residuals > 0.0].tolist())
+        advice = (explicit.Zhai if self.run.explicit else implicit.GeneralizedAlpha).advice
+        return failed_step(self.layout, failure, step, self._time(step), advice)
 
-    def _answer(
-        self, solver: str, out: Outputs, count: int, cost: Cost, status: Status, turning: list[str]
-    ) -> Solution:
-        q, v, a = out.states[:count].transpose(1, 0, 2)
-        system, energies = self.system, np.zeros((count, 5))
+    def _solution(
+        self, solver: str, outputs: list[tuple[Array, ...]], count: int, spent: tuple[float, float], status: Status
+    ) -> Solution:  # fmt: skip
+        counts, system = self.equations.motion.counts, self.system
+        factorizations = 1 if self.run.explicit and not self.dense else int(counts[steps.FACTORIZATIONS])
+        cost = Cost(*spent, count, int(counts[steps.CORRECTIONS]), factorizations)
+        empty = self._outputs(0, 0, self._tables(0, 0), self._room(0))
+        number, q, v, a, work, angles = map(np.concatenate, zip(empty, *outputs, strict=True))
+        energies = np.zeros((len(q), 5))
         with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large
+            energies[:, 0] = 0.5 * np.einsum("ni,ni->n", v, (system.mass @ v.T).T)
             energies[:, 1] = system.beams.energy(q)
-        energies[:, 0] = 0.5 * np.einsum("ni,ni->n", v, (system.mass @ v.T).T)
         energies[:, 2] = -(q - self.layout.reference) @ system.dead
-        energies[:, 3], energies[:, 4] = out.work[:count, 0], 0.0 - out.work[:count, 1]
-        t = self.run.times(out.wanted[:count])
-        return answer(
-            self.layout, solver, t, (q, v, a), energies, cost, status, (turning, out.angles[:count])
-        )
+        energies[:, 3], energies[:, 4] = work[:, 0], 0.0 - work[:, 1]
+        turned = dict(zip(self.turns.names, angles.T, strict=True))
+        return answer(self.layout, solver, self.run.times(number), (q, v, a), energies, cost, status, turned)
+
+
+class _RightSide:
+    """b of J q = b(t): b = base + cos p along + sin p across + p shift, p of the drive of each row."""
+
+    def __init__(self, c: Constraints) -> None:
+        self.base, self.along, self.across = c.targets.copy(), *np.zeros((2, c.count))
+        self.shift, self.drives = c.along, dict[Drive, list[int]]()
+        for j, row in enumerate(c.rows):
+            for term in row.terms:
+                one, two = term.one.constant, term.two.constant
+                if term.turned:
+                    self.along[j] -= one @ term.Q @ two
+                    self.across[j] -= one @ QUARTER @ term.Q @ two
+                else:
+                    self.base[j] -= one @ term.Q @ two
+            if row.drive is not None:
+                self.drives.setdefault(row.drive, []).append(j)
+
+    def parameters(self, t: Array) -> Array:
+        """p, p', p'' of each row at times, (n, m, 3)."""
+        p = np.zeros((len(t), len(self.base), 3))
+        for drive, rows in self.drives.items():
+            p[:, rows] = tabulate(drive.name, drive.history, t, 3)[:, None]
+        return p
+
+    def slope(self, p: Array) -> Array:
+        """∂b/∂p, (n, m)."""
+        return np.cos(p[..., 0]) * self.across - np.sin(p[..., 0]) * self.along + self.shift
+
+    def __call__(self, p: Array) -> tuple[Array, Array, Array]:
+        """b and its derivatives by time, (n, m)."""
+        turned = np.cos(p[..., 0]) * self.along + np.sin(p[..., 0]) * self.across
+        slope = self.slope(p)
+        b = self.base + turned + p[..., 0] * self.shift
+        return b, p[..., 1] * slope, p[..., 2] * slope - p[..., 1] ** 2 * turned
 
 
 # --- tables of the kernels ------------------------------------------------------------------------------------
 
 
-def rows_of(c: Constraints, J: sparse.csr_array, drives: list[Drive], scale: float) -> Rows:
-    """Constraints J q = b(t), b = base + cos p along + sin p across + p shift, p of the row's drive."""
-    base, along, across = c.targets.copy(), *np.zeros((2, c.count))
-    for j, row in enumerate(c.rows):
-        for term in row.terms:
-            one, two = term.one.constant, term.two.constant
-            if term.turned:
-                along[j] -= one @ term.Q @ two
-                across[j] -= one @ QUARTER @ term.Q @ two
-            else:
-                base[j] -= one @ term.Q @ two
-    number = [-1 if row.drive is None else drives.index(row.drive) for row in c.rows]
-    gram = Matrix(J @ J.T)
-    return Rows(  # type: ignore[call-arg]
-        J.indptr.astype(np.uint32), J.indices.astype(np.uint32), J.data.copy(), np.array(number, dtype=np.int64),
-        base, along, across, c.along.copy(), factorise(gram, np.arange(c.count)[:, None]),
-        *np.zeros((3, c.count)), scale,
-    )  # fmt: skip
-
-
 def loads_of(loads: list[LoadForce]) -> Loads:
     """Loads that vary or turn, each on a sum of vectors."""
-    parts: list[tuple[Ints, Array]] = []
-    for load in loads:
-        if isinstance(load, PointForce):
-            parts.append((load.place.at[::2], load.place.A[0, ::2]))
-        else:
-            parts.append((load.at[:1], np.ones(1)))
-    first = np.cumsum([0, *(len(at) for at, _ in parts)])
-    at = np.concatenate([np.zeros(0, dtype=np.int64), *(at for at, _ in parts)])
-    weight = np.concatenate([np.zeros(0), *(weights for _, weights in parts)])
+    vectors = [load.vectors[0] for load in loads]
+    none = np.zeros(0)
+    at = np.concatenate([none.astype(np.int64), *(v.at[::2] for v in vectors)])
+    first = np.cumsum([0, *(len(v.at) // 2 for v in vectors)])
+    weight = np.concatenate([none, *(v.A[0, ::2] for v in vectors)])
     return Loads(np.array([isinstance(load, Moment) for load in loads], dtype=bool), first, at, weight)
-
-
-def load_table(loads: list[LoadForce], t: Array) -> Array:
-    """Values of loads at times, (n, loads, 2): force, or moment and 0."""
-    table = np.zeros((len(t), len(loads), 2))
-    for k, load in enumerate(loads):
-        value: Any = load.load.value
-        table[:, k, : load.width] = tabulate(load.name, value, t, load.width) if callable(value) else value
-    return table
-
-
-def drive_table(drives: list[Drive], t: Array) -> Array:
-    """cos p, sin p, p, p' and p'' of drives at times, (n, drives, 5)."""
-    table = np.zeros((len(t), len(drives), 5))
-    for k, drive in enumerate(drives):
-        p = tabulate(drive.name, drive.history, t, 3)
-        table[:, k, 0], table[:, k, 1], table[:, k, 2:] = np.cos(p[:, 0]), np.sin(p[:, 0]), p
-    return table
 
 
 def separated(M: Matrix, J: sparse.csr_array) -> tuple[Matrix, sparse.csr_array] | None:
@@ -353,45 +322,30 @@ def separated(M: Matrix, J: sparse.csr_array) -> tuple[Matrix, sparse.csr_array]
     return (m, j) if same == 0.0 else None
 
 
-def newton_matrix(system: System, J: sparse.csr_array, scale: float) -> NewtonMatrix:
+def saddle_of(system: System, J: sparse.csr_array, scale: float) -> steps.Saddle:
     """Pattern and constant numbers of [c M + K, sJᵀ; sJ, 0]."""
-    n, m = system.size, J.shape[0]
-    meshes = system.layout.meshes.values()
-    blocks = [start + np.arange(4 * mesh.vectors) for mesh in meshes for start in mesh.starts]
-    rows = np.concatenate([np.repeat(at, len(at)) for at in blocks])
-    columns = np.concatenate([np.tile(at, len(at)) for at in blocks])
-    moments = [load.at for load in system.loads if isinstance(load, Moment)]
-    pairs = [(at[[0, 0, 1, 1]], at[[0, 1, 0, 1]]) for at in moments]
-    where = (
-        tuple(np.concatenate([np.zeros(0, dtype=np.int64), *part]) for part in zip(*pairs, strict=True))
-        if pairs
-        else None
-    )
-    ones = (
-        Matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n)) + sparse.eye_array(n) + abs(system.mass)
-    )
-    none = sparse.csr_array((m, m))
-    full = Matrix(sparse.block_array([[ones, abs(J).T], [abs(J), none]], format="csc")) if m else Matrix(ones)
-    full.sort_indices()
-    place = _finder(full)
-
-    def numbers(A: Any) -> Array:
-        entries, data = sparse.coo_array(A), np.zeros(full.nnz)
-        data[place(entries.row, entries.col)] = entries.data
-        return data
-
-    zero = Matrix((n, n))
-    mass_blocks: list[list[Any]] = [[system.mass, None], [None, none]]
-    joint_blocks: list[list[Any]] = [[zero, scale * J.T], [scale * J, none]]
-    mass = numbers(sparse.block_array(mass_blocks) if m else system.mass)
-    joints = numbers(sparse.block_array(joint_blocks) if m else zero)
-    return NewtonMatrix(
-        full.indptr.astype(np.uint32), full.indices.astype(np.uint32), mass, joints, place(rows, columns),
-        np.zeros(0, dtype=np.int64) if where is None else place(*where), np.zeros(full.nnz),
-    )  # fmt: skip
+    n, size = system.size, system.size + J.shape[0]
+    moments = [load.vectors[0].at for load in system.loads if isinstance(load, Moment)]
+    none = np.zeros(0, dtype=np.int64)
+    turned = [np.concatenate([none, *(at[pick] for at in moments)]) for pick in ([0, 0, 1, 1], [0, 1, 0, 1])]
+    M, S = sparse.coo_array(system.mass), sparse.coo_array(scale * J)
+    parts = [
+        (M.row, M.col),
+        (S.row + n, S.col),
+        (S.col, S.row + n),
+        system.beams.pattern,
+        turned,
+        [np.arange(size)] * 2,
+    ]
+    keys = [np.asarray(column, dtype=np.int64) * size + row for row, column in parts]
+    entries, places = np.unique(np.concatenate(keys), return_inverse=True)
+    in_M, below, right, elements, of_moments, _ = np.split(places, np.cumsum([len(k) for k in keys])[:-1])
+    mass, joints, data = np.zeros((3, len(entries)))
+    mass[in_M] = M.data
+    joints[below] = joints[right] = S.data
+    first = np.searchsorted(entries, size * np.arange(size + 1))
+    return steps.Saddle(_index(first), _index(entries % size), mass, joints, elements, of_moments, data)
 
 
-def _finder(A: Matrix) -> Callable[[Any, Any], Ints]:
-    """Places of entries in the numbers of a sorted matrix."""
-    keys = np.repeat(np.arange(A.shape[1]), np.diff(A.indptr)) * A.shape[0] + A.indices
-    return lambda row, column: np.searchsorted(keys, np.asarray(column, dtype=np.int64) * A.shape[0] + row)
+def _index(numbers: Any) -> NDArray[np.uint32]:
+    return np.asarray(numbers).astype(np.uint32)

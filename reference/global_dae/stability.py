@@ -6,19 +6,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from anctmm.errors import StabilityError
-from reference.global_dae.beams import Matrix
-from reference.global_dae.saddle import Saddle, independent_rows
+from reference.global_dae.elements import Matrix
+from reference.global_dae.saddle import Saddle
 from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
 #: Part of the largest eigenvalue below which one is none; of J's singular values, below which a row is void.
 NOTHING, VOID = 1e-11, 1e-10
-#: Coordinates up to which dense eigenvalue solvers are used.
-DENSE = 600
+#: Coordinates up to which dense eigenvalue solvers are used, and eigenvalues next to zero that are looked at beyond.
+DENSE, NEAREST = 600, 6
 
 
 class Stability(NamedTuple):
@@ -36,17 +36,10 @@ def limit(psi: float, phi: float) -> float:
 
 def highest(system: System) -> tuple[float, float]:
     """Largest angular frequency of the undeformed scene, rad/s, and largest rate of damping, 1/s."""
-    q, still = system.layout.reference, system.still
+    q, still, M = system.layout.reference, system.still, system.mass
     K = system.tangents(q, still, 0.0)
     D = system.tangents(q, still, 0.0, by_velocity=1.0) - K
     p = system.constraints.parameters(0.0)
-    J = system.constraints.jacobian(q, p)
-    J = J[independent_rows(J, system.layout.unit)]
-    if J.shape[0] == system.size:
-        return 0.0, 0.0
-    saddle, none = Saddle(system.mass, J), np.zeros(J.shape[0])
-    shape, start = K.shape, np.random.default_rng(0).standard_normal(system.size)
-    inverse = LinearOperator(shape, matvec=lambda f: saddle.solve(f, none)[0], dtype=float)
 
     def largest(A: Matrix) -> float:
         A = Matrix(0.5 * (A + A.T))
@@ -54,9 +47,16 @@ def highest(system: System) -> tuple[float, float]:
             return 0.0
         if system.size <= DENSE:
             Z = free_motions(system, q, p)
-            K, M, n = Z.T @ (A @ Z), Z.T @ (system.mass @ Z), Z.shape[1]
-            return float(eigh(K, M, eigvals_only=True, subset_by_index=[n - 1, n - 1])[0])
-        options: Any = {"M": system.mass, "Minv": inverse, "v0": inverse @ start, "tol": 1e-8}
+            n = Z.shape[1]
+            values = (
+                eigh(Z.T @ (A @ Z), Z.T @ (M @ Z), eigvals_only=True, subset_by_index=[n - 1, n - 1])
+                if n
+                else [0.0]
+            )
+            return float(values[0])
+        inverse = _constrained_inverse(M, system, q, p)
+        start = inverse @ np.random.default_rng(0).standard_normal(system.size)
+        options: Any = {"M": M, "Minv": inverse, "v0": start, "tol": 1e-8}
         return float(eigsh(A, 1, return_eigenvectors=False, **options)[0])
 
     return sqrt(max(largest(K), 0.0)), max(largest(D), 0.0)
@@ -112,13 +112,17 @@ def free_motions(system: System, q: Array, p: Array) -> Array:
 
 
 def stability(system: System, A: Matrix, q: Array, p: Array) -> Stability:
-    """Stability of an equilibrium q by its tangent: of a small scene by eigenvalues, else by signs of pivots."""
+    """Stability of an equilibrium q by its tangent; of a large scene by the eigenvalues next to zero alone."""
+    A = Matrix(0.5 * (A + A.T))
     if system.size > DENSE:
-        return Stability(_negative_pivots(system, A, q, p), False, -1)
+        inverse = _constrained_inverse(A, system, q, p)
+        options: Any = {"M": system.mass, "sigma": 0.0, "OPinv": inverse, "v0": np.ones(system.size)}
+        nearest = eigsh(A, NEAREST, return_eigenvectors=False, **options)
+        return Stability(int((nearest < 0.0).sum()), False, -1)
     Z = free_motions(system, q, p)
     if not Z.shape[1]:
         return Stability(0, False, -1)
-    B = Z.T @ (0.5 * (A + A.T) @ Z)
+    B = Z.T @ (A @ Z)
     scale = np.abs(np.diagonal(B))
     scale = 1.0 / np.sqrt(np.where(scale > 0.0, scale, max(float(scale.max()), 1e-300)))
     values, modes = np.linalg.eigh(scale[:, None] * B * scale)
@@ -127,19 +131,8 @@ def stability(system: System, A: Matrix, q: Array, p: Array) -> Stability:
     return Stability(int((values < -nothing).sum()), bool((np.abs(values) <= nothing).any()), place)
 
 
-def _negative_pivots(system: System, A: Matrix, q: Array, p: Array) -> int:
-    """Negative eigenvalues among free motions, by the pivots of A + s JᵀJ with a large s; 0 where pivoting fails."""
-    J = system.constraints.jacobian(q, p)
-    diagonal = (J.T @ J).diagonal()
-    large = 1e3 * float(np.abs(A.diagonal()).max()) / (float(diagonal.max()) or 1.0) if J.shape[0] else 0.0
-    B = Matrix(0.5 * (A + A.T) + large * (J.T @ J))
-    scale = 1.0 / np.sqrt(np.where(np.abs(B.diagonal()) > 0.0, np.abs(B.diagonal()), 1.0))
-    B = Matrix(B.multiply(scale[:, None]).multiply(scale))
-    for order in ("MMD_AT_PLUS_A", "NATURAL"):
-        try:
-            lu = splu(B, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        except RuntimeError:  # a pivot of zero in this order
-            continue
-        if np.array_equal(lu.perm_r, lu.perm_c):
-            return int((lu.U.diagonal() < 0.0).sum())
-    return 0
+def _constrained_inverse(A: Matrix, system: System, q: Array, p: Array) -> LinearOperator:
+    """f ↦ x with A x + Jᵀλ = f and J x = 0."""
+    saddle = Saddle(A, system.constraints.jacobian(q, p))
+    none = np.zeros(system.constraints.count)
+    return LinearOperator(A.shape, matvec=lambda f: saddle.solve(f, none)[0], dtype=float)

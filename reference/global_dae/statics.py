@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 from anctmm.results.ended_early import Interrupted, interruption_of_load
 from anctmm.results.solution import Cost, Solution
 from anctmm.results.status import Status
-from reference.global_dae.beams import Matrix
+from reference.global_dae.elements import Matrix
+from reference.global_dae.forces import Follower, PointForce
 from reference.global_dae.implicit import EPSILON, ROUNDINGS
-from reference.global_dae.loads import Follower, Moment, PointForce
 from reference.global_dae.marching import Failure, Record
-from reference.global_dae.saddle import Saddle, independent_rows
+from reference.global_dae.saddle import Saddle
 from reference.global_dae.stability import stability
 from reference.global_dae.system import Account, System
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Newton iterations of a load step; correction out of Newton's reach; smallest load step.
 ITERATIONS, REACH, SMALLEST = 25, 1.0, 1e-6
@@ -46,15 +45,9 @@ class Equilibrium:
         s = (factor - self.factor) / (self.factor - before.factor) if self.factor > before.factor else 0.0
         return Equilibrium(factor, self.q + s * (self.q - before.q), self.mu + s * (self.mu - before.mu))
 
-
-@dataclass
-class Step:
-    """A correction, its largest part in units of the coordinates, and whether the residual was rounding."""
-
-    change: Array
-    multiplier: Array
-    size: float
-    rounded: bool
+    def moved(self, change: Array, multiplier: Array) -> "Equilibrium":
+        """The same after a correction."""
+        return Equilibrium(self.factor, self.q + change, self.mu + multiplier)
 
 
 class Search:
@@ -65,12 +58,7 @@ class Search:
         self.p = system.constraints.parameters(0.0)
         self.iterations, self.change = 0, system.still
         self.floor, self.digits = 0.0, np.inf
-        self.rows: Ints | None = None
         system.restart()
-
-    def start(self) -> Equilibrium:
-        """The undeformed scene without loads."""
-        return Equilibrium(0.0, self.system.layout.reference.copy(), np.zeros(self.system.constraints.count))
 
     def reach(self, start: Equilibrium, target: float) -> Equilibrium:
         """Go to a load factor; the last equilibrium on the way if it cannot be reached."""
@@ -86,18 +74,17 @@ class Search:
                 before, step = now, 0.25 * min(step, target - now.factor)
         return now
 
-    def newton(self, guess: Equilibrium) -> Equilibrium | None:
+    def newton(self, e: Equilibrium) -> Equilibrium | None:
         """The equilibrium near a guess; None if the iteration leaves its reach or is too slow."""
-        e, before = Equilibrium(guess.factor, guess.q.copy(), guess.mu.copy()), np.inf
+        before = np.inf
         for _ in range(ITERATIONS):
             step = self._step(e, 0.0)
             if step is None or not step.size < REACH:
                 return None
-            self.change = step.change
-            e.q, e.mu = e.q + step.change, e.mu + step.multiplier
+            self.change, e = step.change, e.moved(step.change, step.multiplier)
             near = step.size <= self.run.newton_tolerance
             if near or (step.size > 0.5 * before and step.rounded):
-                self.system.keep(e.q)
+                self.system.accept(e.q)
                 if not near:
                     moved = float((np.abs(e.q - self.system.layout.reference) / self.unit).max())
                     self.floor = max(self.floor, step.size)
@@ -108,46 +95,35 @@ class Search:
 
     def relaxed(self, start: Equilibrium, factor: float) -> Equilibrium | None:
         """A stable equilibrium downhill: M/τ² is added to the tangent, large enough for short steps downhill."""
-        e = Equilibrium(factor, start.q.copy(), start.mu.copy())
+        e = Equilibrium(factor, start.q, start.mu)
         stiff, mass = (float(np.abs(A.diagonal()).max()) for A in (self.tangent(e), self.system.mass))
         added = least = 1e-6 * (stiff or 1.0) / mass
         for _ in range(RELAXATIONS):
-            step = self._downhill(e, added)
-            if step is not None and step.size <= SHORT:
-                e.q, e.mu, added = e.q + step.change, e.mu + step.multiplier, max(least, 0.25 * added)
-                self.system.keep(e.q)
-                if (
-                    step.size < NEAR
-                    and (found := self.newton(e)) is not None
-                    and not self._negative(found, 0.0)
-                ):
-                    return found
-            elif added > 1e18 * least:
-                return None
-            else:
+            step = None if self._negative(e, added) else self._step(e, added)
+            if step is None or step.size > SHORT:
+                if added > 1e18 * least:
+                    return None
                 added *= 8.0
+                continue
+            e, added = e.moved(step.change, step.multiplier), max(least, 0.25 * added)
+            self.system.accept(e.q)
+            found = self.newton(e) if step.size < NEAR else None
+            if found is not None and not self._negative(found, 0.0):
+                return found
         return None
 
-    def _downhill(self, e: Equilibrium, added: float) -> Step | None:
-        """A step with a stiffness added; None if the sum is not positive."""
-        return None if self._negative(e, added) else self._step(e, added)
-
     def _negative(self, e: Equilibrium, added: float) -> int:
-        return stability(
-            self.system, Matrix(self.tangent(e) + added * self.system.mass), e.q, self.p
-        ).negative
+        A = Matrix(self.tangent(e) + added * self.system.mass)
+        return stability(self.system, A, e.q, self.p).negative
 
-    def _step(self, e: Equilibrium, added: float) -> Step | None:
+    def _step(self, e: Equilibrium, added: float) -> "Step | None":
+        """A correction, with a stiffness `added` times the mass; None without one."""
         system, c, still = self.system, self.system.constraints, self.system.still
-        J = c.jacobian(e.q, self.p)
-        if self.rows is None or not c.constant:
-            self.rows = independent_rows(J, self.unit)
-        rows = self.rows
+        J, A = c.jacobian(e.q, self.p), self.tangent(e)
         r = system.force(e.q, still, 0.0, e.factor) - J.T @ e.mu
-        A, multiplier = self.tangent(e), np.zeros(c.count)
         try:
-            saddle = Saddle(Matrix(A + added * system.mass), J[rows])
-            change, multiplier[rows] = saddle.solve(r, -c.value(e.q, self.p)[rows])
+            saddle = Saddle(Matrix(A + added * system.mass), J)
+            change, multiplier = saddle.solve(r, -c.value(e.q, self.p))
         except Failure:
             return None
         self.iterations += 1
@@ -172,48 +148,65 @@ class Search:
         )
         return Status("imprecise", why)
 
-    def verdict(self, e: Equilibrium, before: float) -> Status:
+    def stability(self, e: Equilibrium, before: float) -> Status:
         """What is wrong with an equilibrium that is not stable; `before`: the last load factor of a stable one."""
         found = stability(self.system, self.tangent(e), e.q, self.p)
         if not found.negative and not found.singular:
             return Status()
         body, element = self.system.layout.owner(found.place) if found.place >= 0 else (None, None)
         where = f" (body {body!r} moves most)" if body else ""
-        if found.singular:
-            why = (
-                f"the tangent stiffness at load factor {e.factor:.6g} is singular{where}: the scene is free to move, "
-                f"or at the limit of stability; hold the scene, or change the load a little"
-            )
-            return Status("singular", why, time=e.factor, body=body, element=element)
         count = f"{found.negative} negative eigenvalue{'s' * (found.negative > 1)}"
-        why = (
+        code, why = "unstable", (
             f"the equilibrium at load factor {e.factor:.6g} is unstable{where}: the tangent stiffness has {count}; "
             f"at {before:.6g} it was stable"
+        )  # fmt: skip
+        if found.singular:
+            code, why = "singular", (
+                f"the tangent stiffness at load factor {e.factor:.6g} is singular{where}: the scene is free to move, "
+                f"or at the limit of stability; hold the scene, or change the load a little"
+            )  # fmt: skip
+        return Status(code, why, time=e.factor, body=body, element=element)
+
+    def beyond(self, factor: float) -> Status:
+        """Of a search that has ended at a load factor."""
+        body, element = self.system.layout.owner(int(np.abs(self.change / self.unit).argmax()))
+        why = (
+            f"no equilibrium found beyond {factor:.6g} of the load, body {body!r}: the scene may be free to move or "
+            f"buckle there; hold it, take more load_steps or a finer mesh"
         )
-        return Status("unstable", why, time=e.factor, body=body, element=element)
+        return Status("diverged", why, factor, None, body, element)
+
+
+@dataclass
+class Step:
+    """A correction, its largest part in units of the coordinates, and whether the residual was rounding."""
+
+    change: Array
+    multiplier: Array
+    size: float
+    rounded: bool
 
 
 def equilibria(system: System, load_steps: int, solver: str) -> Solution:
     """Equilibria at the load factors 0, 1/load_steps, … 1, as far as they can be reached."""
     start = process_time(), perf_counter()
-    search = Search(system)
-    now, status, doubt = search.start(), Status(), Status()
+    search, record, still = Search(system), Record(system.layout), system.still
+    now = Equilibrium(0.0, system.layout.reference, np.zeros(system.constraints.count))
     factors = np.arange(load_steps + 1) / load_steps
-    record = Record(system)
-    keep(record, system, now)
+    status, doubt = Status(), Status()
+    record.keep(now.q, still, still, energies(system, now))
     try:
         for before, factor in pairwise(map(float, factors)):
             now = search.reach(now, factor)
             if now.factor != factor:
-                status = _beyond(search, now.factor)
+                status = search.beyond(now.factor)
                 break
-            keep(record, system, now)
-            doubt = search.verdict(now, before) if doubt.ok else doubt
+            record.keep(now.q, still, still, energies(system, now))
+            doubt = search.stability(now, before) if doubt.ok else doubt
     except KeyboardInterrupt:
         status = interruption_of_load(now.factor)
     status = search.precision() if status.ok else status
-    count = len(record.states)
-    spent = process_time() - start[0], perf_counter() - start[1]
+    count, spent = len(record.states), (process_time() - start[0], perf_counter() - start[1])
     cost = Cost(*spent, count - 1, search.iterations, search.iterations)
     found = record.solution(solver, factors[:count], cost, doubt if status.ok else status, static=True)
     if status.code == "interrupted":
@@ -221,32 +214,24 @@ def equilibria(system: System, load_steps: int, solver: str) -> Solution:
     return found
 
 
-def keep(record: Record, system: System, e: Equilibrium) -> None:
-    """Record an equilibrium with its energies; the work is that of the whole loads that vary or turn."""
-    energies = system.energies(e.q, system.still, 0.0, Account(system), e.factor)
-    energies[3] = work_of_loads(system, e.q) if e.factor else 0.0
-    record.keep(e.q, system.still, system.still, energies)
+def energies(system: System, e: Equilibrium) -> Array:
+    """Energies of an equilibrium; the work is that of the whole loads that vary or turn, NaN by followers and laws."""
+    found = system.energies(e.q, system.still, 0.0, Account(system), e.factor)
+    if e.factor == 0.0:
+        return found
+    lawless = all(c.connector.law is None for c in system.connectors)
+    conservative = lawless and not any(isinstance(load, Follower) for load in system.loads)
+    found[3] = _work(system, e.q) if conservative else np.nan
+    return found
 
 
-def work_of_loads(system: System, q: Array) -> float:
-    """Work of moments and of forces of time at an equilibrium, J; NaN with followers and laws."""
-    if any(isinstance(load, Follower) for load in system.loads) or any(
-        c.connector.law for c in system.connectors
-    ):
-        return float("nan")
+def _work(system: System, q: Array) -> float:
+    """Work of moments and of forces of time at an equilibrium, J."""
     total = 0.0
-    for load in system.loads:
-        assert isinstance(load, PointForce | Moment)
-        end, start = (load.effort(x, system.still, 0.0) for x in (q, system.layout.reference))
-        moved = end.values - start.values if isinstance(load, PointForce) else end.values
-        total += float(end.forces @ moved)
+    ends, starts = (system.states(x, system.still) for x in (q, system.layout.reference))
+    for (load, x, y), (_, x0, _) in zip(ends, starts, strict=True):
+        if load in system.loads:
+            effort = load.effort(x, y, 0.0)
+            moved = effort.values - (x0[0] if isinstance(load, PointForce) else 0.0)
+            total += float(effort.forces @ moved)
     return total
-
-
-def _beyond(search: Search, factor: float) -> Status:
-    body, element = search.system.layout.owner(int(np.abs(search.change / search.unit).argmax()))
-    why = (
-        f"no equilibrium found beyond {factor:.6g} of the load, body {body!r}: the scene may be free to move or buckle "
-        f"there; hold it, take more load_steps or a finer mesh"
-    )
-    return Status("diverged", why, factor, None, body, element)

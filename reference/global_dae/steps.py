@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference.global_dae.elements import Elements, add_tangents, damping_forces, forces
-from reference.global_dae.kernels import inlined, kernel
-from reference.global_dae.lu import Factors, Index, Pattern, refactor, solve_factored
+from reference.global_dae.kernels import allocating, inlined, kernel
+from reference.global_dae.lu import LU, Index, refactor, solve_factored
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,21 +20,21 @@ Ints = NDArray[np.int64]
 ITERATIONS, SLOW, MANY = 30, 0.3, 5
 #: Roundings of the largest terms that a residual may have; values above HUGE have left all bounds.
 ROUNDINGS, EPSILON, HUGE = 8.0, float(np.finfo(np.float64).eps), 1e60
-#: How Newton's iteration ended.
-CONVERGED, FAILED, SINGULAR = 0, 1, 2
+#: How a step ended.
+DONE, FAILED, SINGULAR = 0, 1, 2
+#: Places of the counts: Newton's corrections, factorizations, whether factors can be used, how the last step ended.
+CORRECTIONS, FACTORIZATIONS, USABLE, ENDED = range(4)
 
 
 class Scheme(NamedTuple):
     """Step h (s) and coefficients of both methods; by_a, by_v: ∂q̈/∂q, ∂v/∂q; tolerance of corrections.
 
-    project: whether explicit steps are put back on the constraints. dense: whether matrices are solved by LAPACK.
+    dense: whether matrices are solved by LAPACK. scale: of rows and multipliers in linear systems.
     """
 
     h: float
     psi: float
     phi: float
-    project: bool
-    dense: bool
     alpha_m: float
     alpha_f: float
     beta: float
@@ -42,27 +42,19 @@ class Scheme(NamedTuple):
     by_a: float
     by_v: float
     tolerance: float
+    dense: bool
+    scale: float
 
 
 class Rows(NamedTuple):
-    """J q = b(t): J by rows (first, column, factor); b = base + cos p along + sin p across + p shift, p of `drive`.
-
-    gram: factors of J Jᵀ. gap, change, permuted: scratch, (m,). scale: of rows and multipliers in linear systems.
-    """
+    """J by rows (first, column, factor), and factors of J Jᵀ. gap, change: scratch, (m,)."""
 
     first: Index
     column: Index
     factor: Array
-    drive: Ints
-    base: Array
-    along: Array
-    across: Array
-    shift: Array
-    gram: Factors
+    gram: LU
     gap: Array
     change: Array
-    permuted: Array
-    scale: float
 
 
 class Loads(NamedTuple):
@@ -74,8 +66,8 @@ class Loads(NamedTuple):
     weight: Array
 
 
-class NewtonMatrix(NamedTuple):
-    """[c M + K, sJᵀ; sJ, 0] by columns: constant numbers of M and J, places of the entries of tangents, numbers."""
+class Saddle(NamedTuple):
+    """[c M + K, sJᵀ; sJ, 0] by columns: constant numbers of M and of J, places of the entries of tangents, numbers."""
 
     column: Index
     row: Index
@@ -87,114 +79,66 @@ class NewtonMatrix(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """State, and scratch.
+    """State, and scratch: q, v, a, the auxiliary a or the a before, damping forces, (n,); μ/s, (m,).
 
-    q, v, a, auxiliary, (n,), mu/s, (m,); new_q, new_v, new_a; right, left, scratch, zeros, (n + m,); force; damping,
-    resisting: damping forces of the step before and now; b, rate, acceleration, (m,). trail: force and place of all
-    that does work at the step before. work: all, and that of damping, (2,). places, last, angles: of vectors whose
-    turns are counted. counts: corrections, factorizations, worst coordinate, whether factors can be used, step
-    reached, outputs. unit: sizes of coordinates. residuals: of the last step.
+    new_q, new_v, new_a, force, new_damping, (n,); right, left, (n + m,). unit: sizes of the coordinates; change: where
+    a step has failed; residuals: of its iteration; counts: see above; power: that of damping at the last step.
     """
 
     q: Array
     v: Array
     a: Array
     auxiliary: Array
+    damping: Array
     mu: Array
     new_q: Array
     new_v: Array
     new_a: Array
+    force: Array
+    new_damping: Array
     right: Array
     left: Array
-    scratch: Array
-    zeros: Array
-    force: Array
-    damping: Array
-    resisting: Array
-    b: Array
-    rate: Array
-    acceleration: Array
-    trail: Array
-    work: Array
-    places: Ints
-    last: Array
-    angles: Array
-    counts: Ints
     unit: Array
+    change: Array
     residuals: Array
+    counts: Ints
+    power: Array
 
 
 class Equations(NamedTuple):
-    """What the steps of a scene take; `constant`: columns, rows and numbers of the matrix of explicit steps."""
+    """What the steps of a scene take; `full` is room for the dense matrix."""
 
     scheme: Scheme
     elements: Elements
     rows: Rows
     loads: Loads
     dead: Array
-    factors: Factors
-    constant: tuple[Index, Index, Array]
-    matrix: NewtonMatrix
-    pattern: Pattern
+    lu: LU
+    saddle: Saddle
+    full: Array
     motion: Motion
 
 
 class Tables(NamedTuple):
-    """Loads (steps, loads, 2) and drives (steps + 1, drives, 5): cos p, sin p, p, p', p''."""
+    """At each step: loads (steps, loads, 2), and b of J q = b with its derivatives by time, (steps, m)."""
 
     loads: Array
-    drives: Array
+    b: Array
+    rate: Array
+    acceleration: Array
 
 
-class Outputs(NamedTuple):
-    """Steps wanted, ascending, then −1; room for q, v, a, (outputs, 3, n), work, (outputs, 2), and angles."""
+class History(NamedTuple):
+    """At each step: q, v, a, (steps, n), μ, (steps, m), and the work of damping in it, (steps,)."""
 
-    wanted: Ints
-    states: Array
-    work: Array
-    angles: Array
-
-    def after(self, count: int) -> "Outputs":
-        """Those behind the first ones."""
-        return Outputs(*(part[count:] for part in self))  # type: ignore[arg-type]
+    q: Array
+    v: Array
+    a: Array
+    mu: Array
+    lost: Array
 
 
-# --- constraints, loads, outputs ------------------------------------------------------------------------------
-
-
-@inlined
-def prescribe(rows: Rows, drives: Array, b: Array, rate: Array, acceleration: Array) -> None:
-    """B and its derivatives at the values of the drives, (drives, 5)."""
-    for j in range(len(b)):
-        b[j], rate[j], acceleration[j] = rows.base[j], 0.0, 0.0
-        d = rows.drive[j]
-        if d >= 0:
-            cos, sin, p, w, e = drives[d, 0], drives[d, 1], drives[d, 2], drives[d, 3], drives[d, 4]
-            turned = cos * rows.along[j] + sin * rows.across[j]
-            slope = cos * rows.across[j] - sin * rows.along[j] + rows.shift[j]
-            b[j] += turned + p * rows.shift[j]
-            rate[j] = w * slope
-            acceleration[j] = e * slope - w * w * turned
-
-
-@inlined
-def product(rows: Rows, j: int, q: Array) -> float:
-    """(J q)_j."""
-    total = 0.0
-    for t in range(rows.first[j], rows.first[j + 1]):
-        total += rows.factor[t] * q[rows.column[t]]
-    return total
-
-
-@inlined
-def project(rows: Rows, q: Array, b: Array) -> None:
-    """q ← q − Jᵀ (J Jᵀ)⁻¹ (J q − b)."""
-    for j in range(len(b)):
-        rows.gap[j] = product(rows, j, q) - b[j]
-    solve_factored(rows.gram, rows.gap, rows.change, rows.permuted)
-    for j in range(len(b)):
-        for t in range(rows.first[j], rows.first[j + 1]):
-            q[rows.column[t]] -= rows.factor[t] * rows.change[j]
+# --- what both share ------------------------------------------------------------------------------------------
 
 
 @inlined
@@ -208,78 +152,42 @@ def place_of(loads: Loads, k: int, q: Array) -> tuple[float, float]:
 
 
 @inlined
-def add_loads(loads: Loads, values: Array, q: Array, f: Array) -> None:
-    """Add all loads, of their values (loads, 2), to f; of a moment M on g the force is M (−g_y, g_x)/|g|²."""
+def applied(equations: Equations, values: Array, q: Array, v: Array, damping: Array) -> None:
+    """Forces of gravity, elasticity, damping and loads into `right`; of a moment M on g it is M (−g_y, g_x)/|g|²."""
+    loads, m = equations.loads, equations.motion
+    forces(equations.elements, q, m.force)
+    damping_forces(equations.elements, q, v, damping)
+    for i in range(len(q)):
+        m.right[i] = equations.dead[i] - m.force[i] + damping[i]
     for k in range(len(loads.torque)):
-        u, v = values[k, 0], values[k, 1]
+        u, w = values[k, 0], values[k, 1]
         if loads.torque[k]:
             x, y = place_of(loads, k, q)
-            m = u / (x * x + y * y)
-            u, v = -m * y, m * x
+            moment = u / (x * x + y * y)
+            u, w = -moment * y, moment * x
         for t in range(loads.first[k], loads.first[k + 1]):
-            f[loads.at[t]] += loads.weight[t] * u
-            f[loads.at[t] + 1] += loads.weight[t] * v
+            m.right[loads.at[t]] += loads.weight[t] * u
+            m.right[loads.at[t] + 1] += loads.weight[t] * w
+
+
+@allocating
+def solve_dense(saddle: Saddle, full: Array, right: Array, left: Array) -> None:
+    """From `right` into `left` by LAPACK."""
+    full[:] = 0.0
+    for j in range(len(saddle.column) - 1):
+        for t in range(saddle.column[j], saddle.column[j + 1]):
+            full[saddle.row[t], j] = saddle.data[t]
+    left[:] = np.linalg.solve(full, right)
 
 
 @inlined
-def account(
-    rows: Rows, loads: Loads, values: Array, drives: Array, q: Array, mu: Array, first: bool, m: Motion
-) -> None:
-    """Add the work of loads and drives since the last call, by the trapezoidal rule; mu: multipliers over their scale.
-
-    Of a force ½ (F_n + F_{n+1}) · Δr, of a moment its mean times the change of the angle, of a drive −μᵀ ∂b/∂p.
-    """
-    trail, count = m.trail, len(loads.torque)
-    for k in range(count):
-        u, v = values[k, 0], values[k, 1]
-        x, y = place_of(loads, k, q)
-        a, b = trail[k, 2], trail[k, 3]
-        if not first and loads.torque[k]:
-            m.work[0] += 0.5 * (u + trail[k, 0]) * np.arctan2(a * y - b * x, a * x + b * y)
-        elif not first:
-            m.work[0] += 0.5 * ((u + trail[k, 0]) * (x - a) + (v + trail[k, 1]) * (y - b))
-        trail[k, 0], trail[k, 1], trail[k, 2], trail[k, 3] = u, v, x, y
-    for d in range(drives.shape[0]):
-        total = 0.0
-        for j in range(len(rows.drive)):
-            if rows.drive[j] == d:
-                slope = drives[d, 0] * rows.across[j] - drives[d, 1] * rows.along[j] + rows.shift[j]
-                total -= rows.scale * mu[j] * slope
-        k = count + d
-        if not first:
-            m.work[0] += 0.5 * (total + trail[k, 0]) * (drives[d, 2] - trail[k, 2])
-        trail[k, 0], trail[k, 2] = total, drives[d, 2]
-
-
-@inlined
-def keep(m: Motion, q: Array, v: Array, a: Array, n: int, out: Outputs, count: int) -> int:
-    """Add up the turns of a step and store it where it is wanted; number of outputs so far."""
-    for k in range(len(m.angles)):
-        x, y = m.last[k, 0], m.last[k, 1]
-        u, w = q[m.places[k, 0]], q[m.places[k, 1]]
-        m.angles[k] += np.arctan2(x * w - y * u, x * u + y * w)
-        m.last[k, 0], m.last[k, 1] = u, w
-    if n != out.wanted[count]:
-        return count
-    for i in range(len(q)):
-        out.states[count, 0, i], out.states[count, 1, i], out.states[count, 2, i] = q[i], v[i], a[i]
-    out.work[count, 0], out.work[count, 1] = m.work[0], m.work[1]
-    for k in range(len(m.angles)):
-        out.angles[count, k] = m.angles[k]
-    return count + 1
-
-
-@kernel
-def solve(f: Factors, column: Index, row: Index, data: Array, m: Motion, dense: Array | None) -> None:
-    """From `right` into `left`: by factors, or by LAPACK, `dense` made of columns, rows and numbers."""
-    if dense is None:
-        solve_factored(f, m.right, m.left, m.scratch)
+def solve(equations: Equations) -> None:
+    """From `right` into `left`: by factors, or by LAPACK."""
+    m = equations.motion
+    if equations.scheme.dense:
+        solve_dense(equations.saddle, equations.full, m.right, m.left)
     else:
-        dense[:] = 0.0
-        for j in range(len(column) - 1):
-            for t in range(column[j], column[j + 1]):
-                dense[row[t], j] = data[t]
-        m.left[:] = np.linalg.solve(dense, m.right)
+        solve_factored(equations.lu, m.right, m.left)
 
 
 @inlined
@@ -291,85 +199,92 @@ def bounded(x: Array) -> bool:
     return good
 
 
+@inlined
+def store(m: Motion, history: History, k: int, scale: float, lost: float) -> None:
+    """Store the state as the k-th of a history."""
+    for i in range(len(m.q)):
+        history.q[k, i], history.v[k, i], history.a[k, i] = m.q[i], m.v[i], m.a[i]
+    for j in range(len(m.mu)):
+        history.mu[k, j] = scale * m.mu[j]
+    history.lost[k] = lost
+
+
 # --- explicit steps -------------------------------------------------------------------------------------------
 
 
+@inlined
+def project(rows: Rows, q: Array, b: Array) -> None:
+    """q ← q − Jᵀ (J Jᵀ)⁻¹ (J q − b)."""
+    for j in range(len(b)):
+        rows.gap[j] = -b[j]
+        for t in range(rows.first[j], rows.first[j + 1]):
+            rows.gap[j] += rows.factor[t] * q[rows.column[t]]
+    solve_factored(rows.gram, rows.gap, rows.change)
+    for j in range(len(b)):
+        for t in range(rows.first[j], rows.first[j + 1]):
+            q[rows.column[t]] -= rows.factor[t] * rows.change[j]
+
+
+@inlined
+def advance(s: Scheme, rows: Rows, m: Motion, b: Array, rate: Array) -> None:
+    """Positions and velocities of the next step, put back on the constraints."""
+    for i in range(len(m.q)):
+        a, before = m.a[i], m.auxiliary[i]
+        m.q[i] += s.h * m.v[i] + s.h * s.h * ((0.5 + s.psi) * a - s.psi * before)
+        m.v[i] += s.h * ((1.0 + s.phi) * a - s.phi * before)
+        m.auxiliary[i] = a
+    project(rows, m.q, b)
+    project(rows, m.v, rate)
+
+
 @kernel
-def explicit_steps(
-    equations: Equations, tables: Tables, out: Outputs, span: tuple[int, int, int], dense: Array | None
-) -> tuple[int, int]:
-    """Steps span[0] … span[1] − 1: acceleration, output, and advance unless it is the last, span[2].
+def explicit_steps(equations: Equations, first: int, tables: Tables, history: History) -> int:
+    """Steps from the number `first` on, one a row of the tables; step 0 only finds the accelerations of the start.
 
     Returns
     -------
-    int, int
-        Step reached, below span[1] if the acceleration there is not finite; outputs stored.
+    int
+        How many were done: fewer if accelerations are not finite.
     """
-    s, e, rows, loads, dead, factors, constant, _, _, m = equations
-    n, count, h = len(m.q), 0, s.h
-    for step in range(span[0], span[1]):
-        at = step - span[0]
-        if step == 0:
-            prescribe(rows, tables.drives[0], m.b, m.rate, m.acceleration)
-        forces(e, m.q, m.force)
-        damping_forces(e, m.q, m.v, m.resisting)
-        power = 0.0
+    s, m = equations.scheme, equations.motion
+    n = len(m.q)
+    for k in range(len(tables.b)):
+        if first + k > 0:
+            advance(s, equations.rows, m, tables.b[k], tables.rate[k])
+        applied(equations, tables.loads[k], m.q, m.v, m.damping)
+        power, before = 0.0, m.power[0]
         for i in range(n):
-            m.force[i] = dead[i] - m.force[i] + m.resisting[i]
-            power += m.resisting[i] * m.v[i]
-        if step > 0:
-            lost = 0.5 * h * (power + m.damping[0])
-            m.work[0] += lost
-            m.work[1] += lost
-        m.damping[0] = power
-        add_loads(loads, tables.loads[at], m.q, m.force)
-        m.right[:n] = m.force
-        for j in range(len(m.b)):
-            m.right[n + j] = rows.scale * m.acceleration[j]
+            power += m.damping[i] * m.v[i]
+            m.change[i] = m.right[i]
+        for j in range(len(m.mu)):
+            m.right[n + j] = s.scale * tables.acceleration[k, j]
         if not bounded(m.right):
-            return step, count
-        solve(factors, constant[0], constant[1], constant[2], m, dense)
+            return k
+        solve(equations)
         if not bounded(m.left):
-            return step, count
-        if s.dense:
-            m.counts[1] += 1
-        m.a[:] = m.left[:n]
-        if step == 0:
-            m.auxiliary[:] = m.a
-        account(rows, loads, tables.loads[at], tables.drives[at], m.q, m.left[n:], step == 0, m)
-        count = keep(m, m.q, m.v, m.a, step, out, count)
-        if step == span[2]:
-            break
+            return k
+        m.counts[FACTORIZATIONS] += int(s.dense)
         for i in range(n):
-            a, b = m.a[i], m.auxiliary[i]
-            m.q[i] += h * m.v[i] + h * h * ((0.5 + s.psi) * a - s.psi * b)
-            m.v[i] += h * ((1.0 + s.phi) * a - s.phi * b)
-            m.auxiliary[i] = a
-        prescribe(rows, tables.drives[at + 1], m.b, m.rate, m.acceleration)
-        if s.project:
-            project(rows, m.q, m.b)
-            project(rows, m.v, m.rate)
-    return span[1], count
+            m.a[i] = m.left[i]
+            m.auxiliary[i] = m.a[i] if first + k == 0 else m.auxiliary[i]
+        for j in range(len(m.mu)):
+            m.mu[j] = m.left[n + j]
+        before = -power if first + k == 0 else before
+        m.power[0] = power
+        store(m, history, k, s.scale, 0.5 * s.h * (power + before))
+    return len(tables.b)
 
 
 # --- implicit steps -------------------------------------------------------------------------------------------
 
 
 @kernel
-def assemble(matrix: NewtonMatrix, by_a: float, e: Elements, loads: Loads, values: Array, q: Array) -> None:
-    """See `assemble_into`."""
-    assemble_into(matrix, by_a, e, loads, values, q)
-
-
-@inlined
-def assemble_into(
-    matrix: NewtonMatrix, by_a: float, e: Elements, loads: Loads, values: Array, q: Array
-) -> None:
+def assemble(equations: Equations, values: Array, q: Array) -> None:
     """Numbers of [by_a M + K(q), sJᵀ; sJ, 0], K with the tangent of the moments."""
-    data = matrix.data
+    matrix, loads, data = equations.saddle, equations.loads, equations.saddle.data
     for i in range(len(data)):
-        data[i] = by_a * matrix.mass[i] + matrix.joints[i]
-    add_tangents(e, q, matrix.elements, data)
+        data[i] = equations.scheme.by_a * matrix.mass[i] + matrix.joints[i]
+    add_tangents(equations.elements, q, matrix.elements, data)
     at = 0
     for k in range(len(loads.torque)):
         if loads.torque[k]:
@@ -384,24 +299,18 @@ def assemble_into(
 
 
 @inlined
-def residual(equations: Equations, values: Array, m: Motion) -> float:
+def residual(equations: Equations, values: Array, b: Array) -> float:
     """[f − M q̈ − Jᵀμ; s (b − J q)] into `right`; its largest component, infinite if one is out of bounds."""
-    _, e, rows, loads, dead, _, _, matrix, _, _ = equations
+    matrix, m = equations.saddle, equations.motion
     n, right = len(m.q), m.right
-    forces(e, m.new_q, m.force)
-    damping_forces(e, m.new_q, m.new_v, m.resisting)
-    for i in range(n):
-        right[i] = dead[i] - m.force[i] + m.resisting[i]
-    add_loads(loads, values, m.new_q, right)
-    for j in range(n):  # constant numbers of the matrix: M of its coordinates
-        a = m.new_a[j]
+    applied(equations, values, m.new_q, m.new_v, m.new_damping)
+    for j in range(len(b)):
+        right[n + j] = equations.scheme.scale * b[j]
+    for j in range(len(right)):
+        a = m.new_a[j] if j < n else 0.0
+        x = m.new_q[j] if j < n else m.mu[j - n]
         for t in range(matrix.column[j], matrix.column[j + 1]):
-            if matrix.row[t] < n:
-                right[matrix.row[t]] -= matrix.mass[t] * a
-    for j in range(len(m.b)):
-        right[n + j] = rows.scale * (m.b[j] - product(rows, j, m.new_q))
-        for t in range(rows.first[j], rows.first[j + 1]):
-            right[rows.column[t]] -= rows.factor[t] * rows.scale * m.mu[j]
+            right[matrix.row[t]] -= matrix.mass[t] * a + matrix.joints[t] * x
     if not bounded(right):
         return np.inf
     largest = 0.0
@@ -411,7 +320,7 @@ def residual(equations: Equations, values: Array, m: Motion) -> float:
 
 
 @inlined
-def at_rounding(matrix: NewtonMatrix, m: Motion, dead: Array) -> bool:
+def at_rounding(matrix: Saddle, m: Motion, dead: Array) -> bool:
     """Whether the residual is as small as rounding of its terms, |A| |q| and the forces, lets it be."""
     n = len(m.q)
     m.left[:] = 0.0
@@ -448,87 +357,81 @@ def correct(s: Scheme, m: Motion) -> float:
         m.new_q[i] += d
         m.new_v[i] += s.by_v * d
         m.new_a[i] += s.by_a * d
+        m.change[i] = d
         size = abs(d) / m.unit[i]
         if not size <= largest:
-            largest, m.counts[2] = size, i
+            largest = size
     for j in range(len(m.mu)):
         m.mu[j] += m.left[n + j]
     return largest
 
 
 @inlined
-def newton(full: bool, equations: Equations, values: Array, dense: Array | None) -> int:
+def newton(full: bool, equations: Equations, values: Array, b: Array) -> int:
     """Find q_{n+1} and μ_{n+1}: with a new matrix each time if `full`, else with an old one while it contracts."""
-    s, e, _, loads, dead, factors, _, matrix, pattern, m = equations
-    before, renew = np.inf, full or m.counts[3] == 0
+    s, m = equations.scheme, equations.motion
+    before, renew = np.inf, full or m.counts[USABLE] == 0
     m.residuals[:] = 0.0
     for iteration in range(ITERATIONS):
-        m.residuals[iteration] = residual(equations, values, m)
+        m.residuals[iteration] = residual(equations, values, b)
         if m.residuals[iteration] == np.inf:
             return FAILED
         fresh = renew
         if renew:
-            assemble_into(matrix, s.by_a, e, loads, values, m.new_q)
-            m.counts[1] += 1
-            m.counts[3] = 0
-            if not s.dense and not refactor(pattern, matrix.data, factors, m.zeros):
+            assemble(equations, values, m.new_q)
+            m.counts[FACTORIZATIONS] += 1
+            m.counts[USABLE] = int(s.dense or refactor(equations.lu, equations.saddle.data))
+            if m.counts[USABLE] == 0:
                 return SINGULAR
-            m.counts[3] = 1
-        solve(factors, matrix.column, matrix.row, matrix.data, m, dense)
+        solve(equations)
         size = correct(s, m)
-        m.counts[0] += 1
+        m.counts[CORRECTIONS] += 1
         if size <= s.tolerance:
             if iteration + 1 >= MANY:
-                m.counts[3] = 0
-            return CONVERGED
-        if fresh and size > 0.5 * before and at_rounding(matrix, m, dead):
-            return CONVERGED
+                m.counts[USABLE] = 0
+            return DONE
+        if fresh and size > 0.5 * before and at_rounding(equations.saddle, m, equations.dead):
+            return DONE
         renew = full or size > SLOW * before
         before = size
     return FAILED
 
 
+@inlined
+def accept(s: Scheme, m: Motion) -> float:
+    """Make the new state the present one; the work of damping over the step."""
+    lost = 0.0
+    for i in range(len(m.q)):
+        lost += 0.5 * (m.new_damping[i] + m.damping[i]) * (m.new_q[i] - m.q[i])
+        m.damping[i] = m.new_damping[i]
+        mean = (1.0 - s.alpha_f) * m.new_a[i] + s.alpha_f * m.a[i]
+        m.auxiliary[i] = (mean - s.alpha_m * m.auxiliary[i]) / (1.0 - s.alpha_m)
+        m.q[i], m.v[i], m.a[i] = m.new_q[i], m.new_v[i], m.new_a[i]
+    return lost
+
+
 @kernel
-def implicit_steps(
-    equations: Equations, tables: Tables, out: Outputs, span: tuple[int, int], dense: Array | None
-) -> int:
-    """Steps span[0] … span[1] − 1, step n leading to t_n; step 0 only keeps the start.
+def implicit_steps(equations: Equations, first: int, tables: Tables, history: History) -> int:
+    """Steps from the number `first` on, one a row of the tables; step 0 only stores the start.
 
     Returns
     -------
     int
-        CONVERGED, or how Newton's iteration ended; step reached and outputs are in `m.counts`.
+        How many were done; how the last one ended is in the counts.
     """
-    s, e, rows, loads, _, _, _, _, _, m = equations
-    count = 0
-    for step in range(span[0], span[1]):
-        at = step - span[0]
-        m.counts[4], m.counts[5] = step, count
-        if step > 0:
-            prescribe(rows, tables.drives[at], m.b, m.rate, m.acceleration)
+    s, m = equations.scheme, equations.motion
+    for k in range(len(tables.b)):
+        lost = 0.0
+        if first + k > 0:
             code = FAILED
             for attempt in range(2):
                 if code == FAILED and (attempt == 0 or not s.dense):
                     predict(s, m)
-                    code = newton(attempt == 1 or s.dense, equations, tables.loads[at], dense)
-            if code != CONVERGED:
-                return code
-            accept(s, e, m)
-        account(rows, loads, tables.loads[at], tables.drives[at], m.q, m.mu, step == 0, m)
-        count = keep(m, m.q, m.v, m.a, step, out, count)
-    m.counts[4], m.counts[5] = span[1], count
-    return CONVERGED
-
-
-@inlined
-def accept(s: Scheme, e: Elements, m: Motion) -> None:
-    """Make the new state the present one, with the work of damping over the step."""
-    damping_forces(e, m.new_q, m.new_v, m.resisting)
-    for i in range(len(m.q)):
-        lost = 0.5 * (m.resisting[i] + m.damping[i]) * (m.new_q[i] - m.q[i])
-        m.work[0] += lost
-        m.work[1] += lost
-        m.damping[i] = m.resisting[i]
-        mean = (1.0 - s.alpha_f) * m.new_a[i] + s.alpha_f * m.a[i]
-        m.auxiliary[i] = (mean - s.alpha_m * m.auxiliary[i]) / (1.0 - s.alpha_m)
-        m.q[i], m.v[i], m.a[i] = m.new_q[i], m.new_v[i], m.new_a[i]
+                    code = newton(attempt == 1 or s.dense, equations, tables.loads[k], tables.b[k])
+            m.counts[ENDED] = code
+            if code != DONE:
+                return k
+            damping_forces(equations.elements, m.new_q, m.new_v, m.new_damping)
+            lost = accept(s, m)
+        store(m, history, k, s.scale, lost)
+    return len(tables.b)

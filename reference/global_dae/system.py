@@ -2,39 +2,19 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from reference.global_dae.beams import Beams, Matrix
-from reference.global_dae.connectors import ConnectorForce, Effort
 from reference.global_dae.constraints import Constraints
+from reference.global_dae.elements import Beams, Matrix
+from reference.global_dae.forces import ConnectorForce, Effort, ForceElement, LoadForce, Parts, loads_of
 from reference.global_dae.joints import constraints_of
 from reference.global_dae.layout import Layout
-from reference.global_dae.loads import LoadForce, loads_of
+from reference.global_dae.vectors import Stack
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-
-class ForceElement(Protocol):
-    """What connectors and loads have in common."""
-
-    at: Ints
-
-    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> tuple[Array, Array, Array]:
-        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
-        ...
-
-    def effort(self, q: Array, v: Array, t: float) -> Effort:
-        """What its work is summed up from."""
-        ...
-
-    def keep(self, q: Array) -> None:
-        """Accept a state."""
-        ...
 
 
 class System:
@@ -49,14 +29,16 @@ class System:
 
     def restart(self) -> None:
         """Back to the reference, from which whole turns of angles are counted."""
-        self.connectors = [ConnectorForce(self.layout, c) for c in self.layout.scene.connectors]
-        loads = loads_of(self.layout)
+        layout, loads = self.layout, loads_of(self.layout)
+        self.connectors = [ConnectorForce(layout, c) for c in layout.scene.connectors]
         self.dead = self.weight.copy()
         for load in loads:
             if load.dead:
-                np.add.at(self.dead, load.at, load.evaluate(self.layout.reference, self.still, 0.0)[0])
+                np.add.at(self.dead, load.vectors[0].at, load.value(0.0) @ load.vectors[0].A)
         self.loads: list[LoadForce] = [load for load in loads if not load.dead]
         self.elements: Sequence[ForceElement] = [*self.connectors, *self.loads]
+        self.acted_on = Stack([vector for element in self.elements for vector in element.vectors], self.size)
+        self.ends = np.cumsum([len(element.vectors) for element in self.elements])[:-1]
 
     @cached_property
     def mass(self) -> Matrix:
@@ -78,47 +60,52 @@ class System:
             f[at : at + 2] = body.mass * np.asarray(self.layout.scene.gravity)
         return f
 
+    def states(self, q: Array, v: Array) -> list[tuple[ForceElement, Array, Array]]:
+        """Connectors and loads, each with the values and the rates of its vectors."""
+        if not self.elements:
+            return []
+        x, y = (np.split(z, self.ends) for z in (self.acted_on(q), self.acted_on.rate(v)))
+        return list(zip(self.elements, x, y, strict=True))
+
+    def _parts(self, q: Array, v: Array, t: float, factor: float) -> list[Parts]:
+        return [element.evaluate(x, y, t, factor) for element, x, y in self.states(q, v)]
+
     def force(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Array:
         """All forces but those of the constraints and of damping of materials."""
         f = factor * self.dead - self.beams.force(q)
-        for element in self.elements:
-            np.add.at(f, element.at, element.evaluate(q, v, t, factor)[0])
+        if parts := self._parts(q, v, t, factor):
+            f += self.acted_on.V.T @ np.concatenate([part[0] for part in parts])
         return f
 
     def sizes(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Array:
         """Sizes of the terms of `force`, (size,)."""
         f = np.abs(factor * self.dead) + np.abs(self.beams.force(q))
-        for element in self.elements:
-            np.add.at(f, element.at, np.abs(element.evaluate(q, v, t, factor)[0]))
+        if parts := self._parts(q, v, t, factor):
+            f += abs(self.acted_on.V).T @ np.abs(np.concatenate([part[0] for part in parts]))
         return f
 
     def tangents(self, q: Array, v: Array, t: float, factor: float = 1.0, by_velocity: float = 0.0) -> Matrix:
         """−∂f/∂q − `by_velocity` (1/s) ∂f/∂v."""
         K = self.beams.tangent(q, by_velocity)
-        entries = []
-        for element in self.elements:
-            _, by_q, by_v = element.evaluate(q, v, t, factor)
-            entries.append(
-                ((by_q + by_velocity * by_v).ravel(), *np.broadcast_arrays(element.at[:, None], element.at))
-            )
-        if not entries:
-            return K
-        values, rows, columns = (
-            np.concatenate([part.ravel() for part in parts]) for parts in zip(*entries, strict=True)
-        )
-        return Matrix(K + Matrix((values, (rows, columns)), shape=K.shape))
+        if parts := self._parts(q, v, t, factor):
+            blocks = sparse.block_diag([by_x + by_velocity * by_y for _, by_x, by_y in parts])
+            K = Matrix(K + self.acted_on.V.T @ blocks @ self.acted_on.V)
+        return K
 
     def energies(self, q: Array, v: Array, t: float, account: "Account", factor: float = 1.0) -> Array:
         """Kinetic, strain (with that of connectors), potential, work and what damping has taken of it, J."""
-        strain = self.beams.energy(q) + sum(c.energy(q, t, factor) for c in self.connectors)
+        strain = float(self.beams.energy(q[None])[0])
+        strain += sum(
+            c.energy(x, t, factor) for c, x, _ in self.states(q, v) if isinstance(c, ConnectorForce)
+        )
         potential = -float(self.dead @ (q - self.layout.reference))
         kinetic = 0.5 * v @ (self.mass @ v)
         return np.array([kinetic, strain, potential, account.work, 0.0 - account.lost])
 
-    def keep(self, q: Array) -> None:
+    def accept(self, q: Array) -> None:
         """Accept a state: whole turns are counted from here."""
-        for element in self.elements:
-            element.keep(q)
+        for element, x, _ in self.states(q, self.still):
+            element.accept(x)
 
 
 class Account:
@@ -149,19 +136,15 @@ class Account:
         self.lost += work
 
     def _efforts(self, q: Array, v: Array, t: float, p: Array, mu: Array) -> tuple[Effort, Effort]:
-        system = self.system
-        c = system.constraints
-        efforts = [element.effort(q, v, t) for element in system.elements]
+        states, c = self.system.states(q, v), self.system.constraints
+        efforts = [element.effort(x, y, t) for element, x, y in states]
         if c.driven:
             forces = (mu * c.by_parameter(q, p))[c.driven]
             efforts.append(Effort(forces, p[c.driven, 0], p[c.driven, 1]))
-        return _joined(efforts), _joined([x.resistance(q, v, t) for x in system.connectors])
+        resistances = [e.resistance(x, y, t) for e, x, y in states if isinstance(e, ConnectorForce)]
+        return _joined(efforts), _joined(resistances)
 
 
 def _joined(efforts: list[Effort]) -> Effort:
-    none = np.zeros(0)
-    return (
-        Effort(*(np.concatenate([none, *parts]) for parts in zip(*efforts, strict=True)))
-        if efforts
-        else Effort(none, none, none)
-    )
+    none = Effort(*np.zeros((3, 0)))
+    return Effort(*(np.concatenate(parts) for parts in zip(none, *efforts, strict=True)))

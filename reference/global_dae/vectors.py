@@ -1,22 +1,17 @@
 """Vectors of the plane that are linear in the coordinates: places, gradients, unit vectors of rigid bodies."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Turn by +90°.
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
-
-
-def rotation(angle: float) -> Array:
-    """Matrix that turns by an angle, rad."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,34 +39,46 @@ class Vector:
     def of(cls, parts: Iterable[tuple[int, float]]) -> "Vector":
         """A sum of vectors of coordinates, each by the number of its x component (y follows), with a factor."""
         parts = sorted(parts)
-        at = np.concatenate([[x, x + 1] for x, _ in parts]).astype(np.int64)
+        at = np.array([[x, x + 1] for x, _ in parts], dtype=np.int64).ravel()
         return cls(at, np.concatenate([factor * np.eye(2) for _, factor in parts], axis=1), np.zeros(2))
-
-    @property
-    def moves(self) -> bool:
-        """Whether it depends on coordinates."""
-        return len(self.at) > 0
 
     def __call__(self, q: Array) -> Array:
         """Its value, (2,)."""
         return np.asarray(self.A @ q[self.at] + self.constant)
 
-    def rate(self, v: Array) -> Array:
-        """Its rate at velocities v, (2,)."""
-        return np.asarray(self.A @ v[self.at])
-
-    def on(self, at: Ints) -> Array:
-        """A on other coordinates, which hold its own, (2, len(at))."""
-        full = np.zeros((2, len(at)))
-        full[:, np.searchsorted(at, self.at)] = self.A
-        return full
-
     def minus(self, other: "Vector") -> "Vector":
         """The difference."""
-        at = together(self, other)
-        return Vector(at, self.on(at) - other.on(at), self.constant - other.constant)
+        at = np.union1d(self.at, other.at)
+        A = np.zeros((2, len(at)))
+        A[:, np.searchsorted(at, self.at)] += self.A
+        A[:, np.searchsorted(at, other.at)] -= other.A
+        return Vector(at, A, self.constant - other.constant)
 
 
-def together(*vectors: Vector) -> Ints:
-    """Coordinates of several vectors, ascending."""
-    return np.unique(np.concatenate([vector.at for vector in vectors]))
+class Stack:
+    """Several vectors x = V q + c, evaluated together.
+
+    Parameters
+    ----------
+    vectors : sequence of Vector
+    size : int
+        Number of coordinates.
+    """
+
+    def __init__(self, vectors: Sequence[Vector], size: int) -> None:
+        none = np.zeros(0, dtype=np.int64)
+        values = np.concatenate([np.zeros(0), *(vector.A.ravel() for vector in vectors)])
+        rows = np.concatenate(
+            [none, *(np.repeat([2 * k, 2 * k + 1], len(v.at)) for k, v in enumerate(vectors))]
+        )
+        columns = np.concatenate([none, *(np.tile(vector.at, 2) for vector in vectors)])
+        self.V = sparse.csr_array((values, (rows, columns)), shape=(2 * len(vectors), size))
+        self.c = np.concatenate([np.zeros(0), *(vector.constant for vector in vectors)])
+
+    def __call__(self, q: Array) -> Array:
+        """Their values, (vectors, 2)."""
+        return np.asarray(self.V @ q + self.c).reshape(-1, 2)
+
+    def rate(self, v: Array) -> Array:
+        """Their rates at velocities v, (vectors, 2)."""
+        return np.asarray(self.V @ v).reshape(-1, 2)

@@ -77,7 +77,7 @@ def solve(
         Beams joined in any way by pins and welds: chains, trees, loops; clamps turn by half a turn at most.
     run : Discretisation, optional
         "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm of a correction, of
-        displacements and rotations. `element` and `quadrature` are not used.
+        displacements and rotations. `element` and `quadrature` are not used. Or its fields as keywords.
     beam : str
         "elastic": elasticBeamColumn with a consistent mass; "elastic-lumped": with masses at its nodes; "nonlinear":
         dispBeamColumnNL, whose rotations stretch its axis, with masses at its nodes.
@@ -85,8 +85,6 @@ def solve(
         Newton's iteration, one of `ALGORITHMS`.
     system : str
         OpenSees' solver of linear equations, one of `SYSTEMS`.
-    **options
-        The fields of the discretisation, in its place.
 
     Returns
     -------
@@ -114,13 +112,11 @@ def solve_static(
     scene : Scene
         Loads and drives as they are at t = 0.
     run : Discretisation, optional
-        Its mesh is used.
+        Or its fields as keywords; its mesh is used.
     load_steps : int
         Equal steps of the load; those that fail are halved.
     beam, algorithm, system
         As for `solve`. The nonlinear beam has the smaller error by two powers of ten on a mesh of eight elements.
-    **options
-        The fields of the discretisation, in its place.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm, system=system).solution()

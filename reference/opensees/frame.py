@@ -83,32 +83,19 @@ class Frame:
         """Of each of a body's elements, m."""
         return body.length / self.counts[body.name]
 
-    def element_mass(self, body: Beam) -> Array:
-        """Mass matrix of an element at rest, (6, 6), as OpenSees keeps it: it does not turn with the element."""
-        l, w = self.element_length(body), body.material.density * body.section.area  # noqa: E741
-        if not self.consistent:
-            return 0.5 * w * l * np.diag([1.0, 1.0, 0.0, 1.0, 1.0, 0.0])
-        local = np.zeros((6, 6))
-        local[np.ix_([0, 3], [0, 3])] = np.array([[140.0, 70.0], [70.0, 140.0]])
-        local[np.ix_([1, 2, 4, 5], [1, 2, 4, 5])] = np.array([
-            [156.0, 22.0 * l, 54.0, -13.0 * l],
-            [22.0 * l, 4.0 * l * l, 13.0 * l, -3.0 * l * l],
-            [54.0, 13.0 * l, 156.0, -22.0 * l],
-            [-13.0 * l, -3.0 * l * l, -22.0 * l, 4.0 * l * l],
-        ])  # fmt: skip
-        c, s = np.cos(body.angle), np.sin(body.angle)
-        turn = np.kron(np.eye(2), np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
-        return (w * l / 420.0) * turn.T @ local @ turn  # type: ignore[no-any-return]
-
     def weights(self) -> Array:
-        """Forces and moments of gravity on all nodes, (nodes, 3): what accelerates a free beam without bending it."""
-        loads = np.zeros((len(self.nodes), 3))
-        fall = np.array([*self.scene.gravity, 0.0] * 2)
+        """Forces and moments of gravity on all nodes, (nodes, 3): what accelerates a free beam without bending it.
+
+        OpenSees keeps the mass matrix of an element at rest, so that the moments do not turn with the element either.
+        """
+        loads, g = np.zeros((len(self.nodes), 3)), np.array(self.scene.gravity)
         for body in self.scene.beams:
-            share = (self.element_mass(body) @ fall).reshape(2, 3)
+            l = self.element_length(body)  # noqa: E741
+            share = 0.5 * l * body.material.density * body.section.area
+            across = g @ [-np.sin(body.angle), np.cos(body.angle)] * l / 6.0 * self.consistent
             tags = np.array(self.of_body[body.name]) - 1
-            loads[tags[:-1]] += share[0]
-            loads[tags[1:]] += share[1]
+            loads[tags[:-1]] += share * np.array([*g, across])
+            loads[tags[1:]] += share * np.array([*g, -across])
         return loads
 
     def velocities(self) -> Array:

@@ -26,7 +26,7 @@ from anctmm.results.fields import LagrangeField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
-from anctmm.validation import one_of, positive
+from anctmm.validation import positive
 from reference.adapters import Adapter, Answer, not_installed, undamped
 
 Array = NDArray[np.float64]
@@ -60,7 +60,6 @@ def solve(
     scene: Scene,
     run: Discretisation | None = None,
     *,
-    clamp: str = "half-element",
     shear_factor: float = 1.0,
     **options: Any,
 ) -> Solution:
@@ -72,14 +71,9 @@ def solve(
         Beams without joints between them, each clamped, pinned or free at its ends; constant loads.
     run : Discretisation, optional
         "zhai" with ψ = φ = ½, which for rods without rotation has the positions of PyElastica's PositionVerlet;
-        two elements or more a body. `element` and `quadrature` are not used.
-    clamp : str
-        "half-element": the curvature between the clamp and the first director is that of the rod (second order).
-        "director": PyElastica's own, which holds the first director, half an element away (first order).
+        two elements or more a body. `element` and `quadrature` are not used. Or its fields as keywords.
     shear_factor : float
         k of the shear stiffness kGA.
-    **options
-        The fields of the discretisation, in its place.
 
     Returns
     -------
@@ -91,7 +85,7 @@ def solve(
     StabilityError
         If the step lies above the stability limit of the straight grid, and `check_stability` is set.
     """
-    return Rods(scene, discretise(run, options), clamp=clamp, shear_factor=shear_factor).solution()
+    return Rods(scene, discretise(run, options), shear_factor=shear_factor).solution()
 
 
 @accounted
@@ -101,7 +95,6 @@ def solve_static(
     *,
     load_steps: int = 1,
     rest: float = 1e-8,
-    clamp: str = "half-element",
     shear_factor: float = 1.0,
     **options: Any,
 ) -> Solution:
@@ -112,18 +105,16 @@ def solve_static(
     scene : Scene
         As for `solve`, and every body held.
     run : Discretisation, optional
-        Its mesh is used.
+        Or its fields as keywords; its mesh is used.
     load_steps : int
         Equal parts of the load, each relaxed.
     rest : float
         Motion left at the end, of the body's length: much less than the elements' own error.
-    clamp, shear_factor
+    shear_factor
         As for `solve`.
-    **options
-        The fields of the discretisation, in its place.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    rods = Rods(scene, run, True, load_steps, clamp=clamp, shear_factor=shear_factor, rest=rest)
+    rods = Rods(scene, run, True, load_steps, shear_factor=shear_factor, rest=rest)
     return rods.solution()
 
 
@@ -131,7 +122,6 @@ def solve_static(
 class Rods(Adapter):
     """A scene in PyElastica; parameters as of `solve` and `solve_static`."""
 
-    clamp: str = "half-element"
     shear_factor: float = 1.0
     rest: float = 1e-8
     positions: dict[str, list[Array]] = field(default_factory=dict)
@@ -148,7 +138,6 @@ class Rods(Adapter):
     )
 
     def __post_init__(self) -> None:
-        one_of("clamp", self.clamp, ("half-element", "director"))
         positive("shear_factor", self.shear_factor, DiscretisationError)
         positive("rest", self.rest, DiscretisationError)
 
@@ -160,20 +149,15 @@ class Rods(Adapter):
                 f"psi, phi are {run.psi!r}, {run.phi!r}; PyElastica has only the Verlet scheme, ½, ½"
             )
         for joint in scene.joints:
-            match joint:
-                case Clamp(angle=None) | Pin(ends=(_,)):
-                    pass
-                case Clamp():
-                    raise UnsupportedError(f"{joint!r} turns; a fixed clamp is needed")
-                case Pin() | Weld():
-                    raise UnsupportedError(
-                        f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
-                        f"bodies held by the ground or free are allowed"
-                    )
-                case _:
-                    raise UnsupportedError(
-                        f"{shown(joint)} of type {type(joint).__name__} is not known to it"
-                    )
+            if not isinstance(joint, Clamp | Pin | Weld):
+                raise UnsupportedError(f"{shown(joint)} of type {type(joint).__name__} is not known to it")
+            if isinstance(joint, Weld) or len(joint.ends) > 1:
+                raise UnsupportedError(
+                    f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
+                    f"bodies held by the ground or free are allowed"
+                )
+            if isinstance(joint, Clamp) and joint.angle is not None:
+                raise UnsupportedError(f"{joint!r} turns; a fixed clamp is needed")
         for load in scene.loads:
             if callable(load.value):
                 raise UnsupportedError(f"{load!r} varies in time; a constant load is needed")
@@ -191,9 +175,7 @@ class Rods(Adapter):
         except ImportError as error:
             raise not_installed(self.packages, error) from error
         self.rods = {
-            name: module.Rod(
-                self.scene, self.scene.beam(name), count, self.shear_factor, self.clamp, self.static
-            )
+            name: module.Rod(self.scene, self.scene.beam(name), count, self.shear_factor, self.static)
             for name, (count, _) in self.run.of(self.scene).items()
         }
         limit = 2.0 / self.frequency

@@ -18,8 +18,6 @@ from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque
 
 Array = NDArray[np.float64]
 
-CLAMPS = ("half-element", "director")
-
 
 class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):  # type: ignore[misc]
     """PyElastica's collection of rods with what acts on them."""
@@ -85,17 +83,14 @@ class Rod:
     body : Beam
     elements : int
     shear_factor : float
-    clamp : str
     relaxed : bool
         Whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
-
     """
 
     scene: Scene
     body: Beam
     elements: int
     shear_factor: float = 1.0
-    clamp: str = CLAMPS[0]
     relaxed: bool = False
     factor: float = 1.0
     stiffness: Stiffness = field(init=False)
@@ -155,12 +150,9 @@ class Rod:
     def add_to(self, simulator: Simulator) -> None:
         """Put the rod, its supports and its loads into a simulator."""
         simulator.append(self.rod)
-        for end, kind in self.held.items():
+        for end in self.held:
             node = self.elements if end else 0
-            fixed = (self.elements - 1 if end else 0,) if kind == "clamp" and self.clamp == "director" else ()
-            simulator.constrain(self.rod).using(
-                ea.FixedConstraint, constrained_position_idx=(node,), constrained_director_idx=fixed
-            )
+            simulator.constrain(self.rod).using(ea.FixedConstraint, constrained_position_idx=(node,))
         simulator.add_forcing_to(self.rod).using(EndsAndWeight, self)
 
     def energies(self) -> tuple[float, float]:
@@ -199,11 +191,12 @@ class Rod:
 
     def _end_moments(self) -> dict[int, tuple[float, float]]:
         """Moment (N m) and spring (N m/rad) of each end that has one."""
-        moments = {0: 0.0, -1: 0.0}
+        moments, springs = {0: 0.0, -1: 0.0}, {}
         for end, value in self._on_ends(Torque):
             moments[end] += float(value)
-        spring = 2.0 * self.stiffness.EI / self.stiffness.l if self.clamp == "half-element" else 0.0
-        springs = {end: spring if self.held.get(end) == "clamp" else 0.0 for end in moments}
+        for end in moments:
+            clamped = self.held.get(end) == "clamp"
+            springs[end] = 2.0 * self.stiffness.EI / self.stiffness.l if clamped else 0.0
         return {end: (m, springs[end]) for end, m in moments.items() if m or springs[end]}
 
     def _straight(self) -> Any:
