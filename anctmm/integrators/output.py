@@ -143,10 +143,9 @@ def field_of(mesh: object, series: Array, angle: Array | None, turned: Array | N
         whole: Any = [None if x is None else _beside(x, k) for k, x in enumerate((q, v, a))]
         return RigidField(whole[0], {}, whole[1], whole[2], turned, angle)
     flat: Any = [None if x is None else x.reshape(len(x), 4, 3) for x in (q, v, a)]
-    axes = mesh.axes  # type: ignore[attr-defined]
+    axes: Array = mesh.axes  # type: ignore[attr-defined]
     arms = {key: tuple((axes @ body.arm(key)).tolist()) for key in body.points}
-    rates = flat[1], flat[2]
-    return RigidField(flat[0], arms, *rates, None, None, tuple(map(tuple, axes.tolist())))
+    return RigidField(flat[0], arms, flat[1], flat[2], axes=tuple(map(tuple, axes.tolist())))
 
 
 def _beside(x: Array, order: int) -> Array:

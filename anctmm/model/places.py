@@ -127,6 +127,11 @@ class Graph(Protocol):
         ...
 
     @property
+    def dim(self) -> int:
+        """Components of a place."""
+        ...
+
+    @property
     def length(self) -> float:
         """Length that positions are compared with, m."""
         ...

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.model.bodies import Beam
+from anctmm.model.checks.conditions import flat
 from anctmm.model.drives import tabulate
 from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
 from anctmm.model.joints import Joint
@@ -150,7 +151,7 @@ class JointAtOutputs:
         places = [
             RowPlace(start, SLOTS * n, place, *self._kind(place)) for n, place in enumerate(self.places)
         ]
-        for equation in self.joint.equations(*places):
+        for equation in flat(self.joint.equations(*places)):
             yield self._of_vector(equation) if isinstance(equation, Vector) else self._of_scalar(equation)
 
     def _kind(self, place: Any) -> tuple[bool, int]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import anctmm as at
 
-#: Elements of each block size, and kinds of calls: by the options of a motion, or by name.
-ELEMENTS = ("cable", "shear")
+#: Elements of each block size, those in space, and kinds of calls: by the options of a motion, or by name.
+ELEMENTS = ("cable", "shear", "space")
 MOTIONS: dict[str, dict[str, Any]] = {
     "zhai": {"integrator": "zhai", "dt": 1e-6, "t_end": 2e-6},
     "generalized-alpha": {"integrator": "generalized-alpha", "dt": 1e-4, "t_end": 2e-4},
@@ -33,6 +33,7 @@ def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int |
         Processes; default: as many as there are processors.
     """
     kinds = [(name, element) for element, name in product(ELEMENTS, (*MOTIONS, "statics", "modes"))]
+    kinds.remove(("modes", "space"))  # which are of the plane
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
             done(future.result())
@@ -40,12 +41,15 @@ def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int |
 
 def call(name: str, element: str) -> str:
     """One short call; in words."""
-    beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Circle(0.05), at.Material(E=1e7, density=1000.0))
-    scene = at.Scene("compile", [beam], [at.Clamp("beam.start")], gravity=(0.0, -1.0))
+    size = 3 if element == "space" else 2
+    start, end, down = (0.0, 0.0, 0.0)[:size], (1.0, 0.0, 0.0)[:size], (0.0, -1.0, 0.0)[:size]
+    beam = at.Beam("beam", start, end, at.Circle(0.05), at.Material(E=1e7, density=1000.0))
+    scene = at.Scene("compile", [beam], [at.Clamp("beam.start")], gravity=down)
+    words, element = f"{name}, {element}", "cable" if size == 3 else element
     if name == "statics":
         at.solve_static(scene, mesh=2, element=element)
     elif name == "modes":
         at.modes(scene, mesh=2, element=element, count=2)
     else:
         at.solve(scene, mesh=2, element=element, **MOTIONS[name])
-    return f"{name}, {element}"
+    return words

@@ -105,7 +105,7 @@ def conditions_of(scene: Graph, joint: Joint) -> list[Condition]:
     ]
     at = np.array([x for _, _, x in vectors])
     try:
-        return [_condition(joint, equation, vectors) for equation in _flat(joint.equations(*_seen(ends, at)))]
+        return [_condition(joint, equation, vectors) for equation in flat(joint.equations(*_seen(ends, at)))]
     except AnctmmError:
         raise
     except Exception as error:  # of a user's own kind
@@ -114,10 +114,10 @@ def conditions_of(scene: Graph, joint: Joint) -> list[Condition]:
         ) from error
 
 
-def _flat(equations: Sequence[Any]) -> Iterator[Vector | Scalar]:
+def flat(equations: Sequence[Any]) -> Iterator[Vector | Scalar]:
     """Equations, those of sequences one by one."""
     for equation in equations:
-        yield from [equation] if isinstance(equation, Vector | Scalar) else _flat(equation)
+        yield from [equation] if isinstance(equation, Vector | Scalar) else flat(equation)
 
 
 def _seen(ends: Sequence[Any], at: Array) -> list[StartPlace]:
