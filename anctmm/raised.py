@@ -7,7 +7,7 @@ import sysconfig
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from traceback import walk_tb
+from traceback import extract_tb
 
 #: Characters of a line in a message.
 LONGEST_LINE = 80
@@ -54,17 +54,20 @@ def line_of(error: BaseException) -> Line | None:
         None if only this program and libraries were at work.
     """
     for raised in _causes(error):
-        if (
-            isinstance(raised, SyntaxError)
-            and raised.filename
-            and raised.lineno
-            and _is_users(raised.filename)
-        ):
-            return _line(raised.filename, raised.lineno)
-        for file, number in _innermost_first(raised):
-            if _is_users(file):
-                return _line(file, number)
+        linecache.checkcache()  # files may have been changed
+        passed = [(frame.filename, frame.lineno, frame.line) for frame in extract_tb(raised.__traceback__)]
+        if isinstance(raised, SyntaxError) and raised.filename and raised.lineno:
+            text = linecache.getline(raised.filename, raised.lineno).strip()
+            passed.append((raised.filename, raised.lineno, text))
+        for file, number, text in reversed(passed):
+            if _is_users(file) and number is not None:
+                return Line(file, number, _shortened(text or ""))
     return None
+
+
+def _shortened(text: str) -> str:
+    """A line of a file as messages have it."""
+    return text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - 1]}…"
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:
@@ -74,16 +77,6 @@ def _causes(error: BaseException | None) -> Iterator[BaseException]:
         yield error
         seen.append(error)
         error = error.__cause__
-
-
-def _innermost_first(error: BaseException) -> Iterator[tuple[str, int]]:
-    return reversed([(frame.f_code.co_filename, number) for frame, number in walk_tb(error.__traceback__)])
-
-
-def _line(file: str, number: int) -> Line:
-    linecache.checkcache(file)  # it may have been changed
-    text = linecache.getline(file, number).strip()
-    return Line(file, number, text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - 1]}…")
 
 
 def _is_users(file: str) -> bool:

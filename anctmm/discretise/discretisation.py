@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.methods import METHODS, Coefficients, Esdirk, GeneralizedAlpha, Method, Zhai
+from anctmm.discretise.methods import METHODS, Esdirk, GeneralizedAlpha, Method
 from anctmm.elements.kinds import QUADRATURES, kind_of
 from anctmm.errors import (
     DiscretisationError,
@@ -162,13 +162,6 @@ class Discretisation:
     def method(self) -> Method:
         """The integrator with its parameters."""
         return self._made(_method(self.integrator))
-
-    @cached_property
-    def coefficients(self) -> Coefficients:
-        """Coefficients of the implicit solves of a step; an explicit method takes generalized-α's where it starts."""
-        method = self.method
-        implicit = GeneralizedAlpha(self.spectral_radius) if isinstance(method, Zhai) else method
-        return implicit.of_step(self.exact_dt)
 
     @property
     def explicit(self) -> bool:

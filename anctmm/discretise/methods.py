@@ -99,7 +99,7 @@ class GeneralizedAlpha:
 class Coefficients(NamedTuple):
     """Step h (s), αm, αf, β, γ, and what a correction x adds: to_w x to w, to_q x to q.
 
-    Newton's matrix is to_w M + to_q K_T. Steps have to_q = 1; see `NO_STEP` for the other case. `level` is the time
+    Newton's matrix is to_w M + to_q K_T. `level` is the time
     derivative of the constraints that Newton's iteration enforces: 0 (positions) or 2 (accelerations).
     """
 
@@ -111,10 +111,6 @@ class Coefficients(NamedTuple):
     to_w: float
     to_q: float
     level: float
-
-
-#: A step of no length: q and v stay as they are, and the accelerations w = a with M w = F are found.
-NO_STEP = Coefficients(h=0.0, alpha_m=0.0, alpha_f=0.0, beta=0.0, gamma=0.0, to_w=1.0, to_q=0.0, level=2.0)
 
 
 @dataclass(frozen=True)
@@ -129,11 +125,6 @@ class Esdirk:
     name: ClassVar[str] = "esdirk"
     explicit: ClassVar[bool] = False
     order: ClassVar[float] = 4.0
-
-    def of_step(self, h: float) -> "Coefficients":
-        """Coefficients of each stage of a step of h (s): a step of γh by the implicit Euler method."""
-        part = float(_DIAGONAL) * h
-        return Coefficients(part, 0.0, 0.0, 1.0, 1.0, 1.0 / part**2, 1.0, 0.0)
 
 
 class Stages(NamedTuple):

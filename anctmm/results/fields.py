@@ -217,19 +217,11 @@ class RigidField(NodalField):
         """The vector that turns with the body, (n, 1, 2)."""
         return self.coordinates[:, 1:2]
 
-    def position(self, place: str = "center") -> Array:
-        """Positions of a point, (n, 2), m."""
-        return super().position(place)
-
-    def velocity(self, place: str = "center") -> Array:
-        """Velocities of a point, (n, 2), m/s; errors as of `HermiteField`."""
-        return super().velocity(place)
-
     def node(self, place: str) -> int:
         """Number of the node: 0."""
         return 0
 
-    def gradients(self, place: str = "center") -> list[Array]:
+    def gradients(self, place: str) -> list[Array]:
         """The vector that turns with the body, (n, 2)."""
         return [self.coordinates[:, 1]]
 

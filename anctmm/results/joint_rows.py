@@ -21,12 +21,18 @@ from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
 from anctmm.model.joints import Joint
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass
-from anctmm.results.fields import HermiteField, NodalField
+from anctmm.results.fields import NodalField
 
 Array = NDArray[np.float64]
 #: Vectors of a place: its position and up to two that turn with it.
 SLOTS = 3
-E_X, EYE = np.array([1.0, 0.0]), np.eye(2)
+EYE = np.eye(2)
+
+
+def _from_x(body: Any) -> Array:
+    """Matrix that turns e_x into the direction of a beam in the reference."""
+    x, y = np.subtract(body.end, body.start) / body.length
+    return x * EYE + y * QUARTER_TURN
 
 
 def rigid_bodies(solution: Any) -> frozenset[str]:
@@ -37,56 +43,26 @@ def rigid_bodies(solution: Any) -> frozenset[str]:
     return frozenset(body.name for body in solution.scene.bodies if body.name not in bending)
 
 
-def _along(body: Any) -> Array:
-    """The first vector that turns with a body, in the reference."""
-    return np.subtract(body.end, body.start) / body.length if isinstance(body, Beam) else E_X
-
-
+@dataclass(frozen=True)
 class RowPlace:
-    """A place of a body, or a point of the ground, in the equations of a joint.
+    """A place of a body, or a point of the ground, as equations of joints see it: see `model.joints.JointPlace`."""
 
-    Parameters
-    ----------
-    start : ndarray, shape (vectors, 2)
-        All vectors of the joint's places in the reference, to be filled.
-    first : int
-        Number of the position among them.
-    place : Place or (float, float)
-    rigid : bool
-    turning : int
-        Vectors that turn with it.
-    """
+    position: Vector
+    gradients: list[Vector]
+    rigid: bool
 
-    def __init__(self, start: Array, first: int, place: Any, rigid: bool, turning: int) -> None:
-        self._start, self._first, self._place = start, first, place
-        self.rigid, self._ground = rigid, not isinstance(place, Place)
-        if not self._ground:
-            one = _along(place.body)
-            start[first : first + SLOTS] = place.position, one, QUARTER_TURN @ one
-        self.position = self._constant(place) if self._ground else self._vector(0)
-        self.gradients = (
-            [self._constant(E_X)] if self._ground else [self._vector(k + 1) for k in range(turning)]
-        )
-        self.direction = self.gradients[-1] if self.gradients else None
-
-    def _vector(self, slot: int) -> Vector:
-        return Vector(self._start, {(self._first + slot, None): EYE})
-
-    def _constant(self, value: Any) -> Vector:
-        return Vector(self._start, {}, {None: np.array(value, dtype=float)})
+    @property
+    def direction(self) -> Vector:
+        """The vector that a torque turns: r_x of a cable, r_y of a shear element."""
+        return self.gradients[-1]
 
     def axis(self, k: int) -> Vector:
         """Unit vector k of the reference as it turns with the place; of a beam r_x (k = 0) and its normal or r_y."""
-        if self.rigid and not self._ground and isinstance(self._place.body, Beam):
-            x, y = _along(self._place.body)
-            return self.gradients[0].mapped((x * EYE - y * QUARTER_TURN) @ (QUARTER_TURN if k else EYE))
         return self.gradients[k] if k < len(self.gradients) else self.gradients[0].normal
 
     def fixed_point(self, point: Any) -> Vector:
         """A point that is fixed in the rigid body of the place, by where it is in the reference."""
-        if self._ground:
-            return self._constant(point)
-        x, y = np.subtract(point, self._place.position)
+        x, y = np.subtract(point, self.position.start)
         return self.position + self.axis(0) * x + self.axis(1) * y
 
 
@@ -131,10 +107,9 @@ class JointAtOutputs:
     @cached_property
     def vectors(self) -> list[Array]:
         """Vectors of all places, each (n, 2); NaN where a field does not have them."""
-        found = list[Array]()
+        found, nothing = list[Array](), np.full((len(self.solution.t), 2), np.nan)
         for place in self.places:
             slots = list(self._of(place)) if isinstance(place, Place) else []
-            nothing = np.full((len(self.solution.t), 2), np.nan)
             found += [*slots, *[nothing] * (SLOTS - len(slots))]
         return found
 
@@ -143,25 +118,29 @@ class JointAtOutputs:
         yield field.position(place.key)
         if isinstance(field, NodalField) and not isinstance(place.body, PointMass):
             for vector in field.gradients(place.key):  # type: ignore[attr-defined]
+                if isinstance(place.body, Beam) and place.body.name in self.rigid:
+                    vector = vector @ _from_x(place.body)
                 yield vector / np.hypot(*vector.T)[:, None] if self.unit else vector
 
     def rows(self) -> Iterator[Row]:
         """All its equations."""
         start = np.zeros((SLOTS * len(self.places), 2))
-        places = [
-            RowPlace(start, SLOTS * n, place, *self._kind(place)) for n, place in enumerate(self.places)
-        ]
+        places = [self._seen(start, SLOTS * n, place) for n, place in enumerate(self.places)]
         for equation in flat(self.joint.equations(*places)):
             yield self._of_vector(equation) if isinstance(equation, Vector) else self._of_scalar(equation)
 
-    def _kind(self, place: Any) -> tuple[bool, int]:
-        """Whether a place does not bend, and how many vectors turn with it."""
+    def _seen(self, start: Array, first: int, place: Any) -> RowPlace:
+        """A place by the numbers of its vectors, whose values in the reference are filled in."""
         if not isinstance(place, Place):
-            return True, 1
-        field = self.solution.fields[place.body.name]
-        if isinstance(place.body, PointMass):
-            return True, 0
-        return place.body.name in self.rigid, 2 if isinstance(field, HermiteField) and field.sections else 1
+            position, e_x = (Vector(start, {}, {None: np.array(x, dtype=float)}) for x in (place, EYE[0]))
+            return RowPlace(position, [e_x], True)
+        name, field = place.body.name, self.solution.fields[place.body.name]
+        bends = name not in self.rigid
+        turn = _from_x(place.body) if bends else EYE
+        start[first : first + SLOTS] = place.position, *turn.T
+        count = 0 if isinstance(place.body, PointMass) else 2 if getattr(field, "sections", False) else 1
+        position, *gradients = (Vector(start, {(first + k, None): EYE}) for k in range(1 + count))
+        return RowPlace(position, gradients, not bends)
 
     def _factor(self, w: Signal | None) -> Array:
         """A signal at the outputs, (n, 1)."""

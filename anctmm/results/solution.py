@@ -341,9 +341,12 @@ class Solution:
     ) -> Array:
         """What is read of a body at a place, (n, *width), or at each of k fractions, (n, k, *width)."""
         if isinstance(fraction, list | tuple) or (type(fraction) is np.ndarray and fraction.ndim == 1):
-            parts = [self._read(place, x, read, *width) for x in fraction]
+            parts = [self._one(self._given(place, x), read, *width) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
-        name, at = self.scene.probe(place if fraction is None else self._given(place, fraction))
+        return self._one(place if fraction is None else self._given(place, fraction), read, *width)
+
+    def _one(self, place: Probe, read: Callable[[str, Any], Array], *width: int) -> Array:
+        name, at = self.scene.probe(place)
         return read(name, at) if self.fields else np.empty((0, *width))
 
     def _given(self, place: Probe, fraction: Any) -> Probe:

@@ -45,7 +45,7 @@ class WholeTurns:
     def angle(self, name: str, place: Any) -> Array:
         """Angles of a place of a body, (n,), rad."""
         field: Any = self.fields[name]
-        if not isinstance(field, NodalField):  # it keeps angles, with all turns
+        if not hasattr(field, "turned"):  # it keeps angles, with all turns
             return np.asarray(field.angle(place, self.t))
         with np.errstate(all="ignore"):  # of a run that has diverged
             return nearest(direction_angle(field, place), self.of_nodes(name)[:, field.node(place)])
@@ -116,12 +116,12 @@ class WholeTurns:
         return np.asarray(tabulate(drive[0], drive[1], self.t, 3)[:, 0])
 
 
-def direction_angle(field: NodalField, place: Any) -> Array:
+def direction_angle(field: Any, place: Any) -> Array:
     """Angle of a place since the undeformed scene, (n,), rad, up to whole turns."""
     here, known = as_complex(field.direction(place)), 0.0
     if field.turned is not None and len(here):
-        node: Any = field.node(place)  # type: ignore[attr-defined]
-        beside = as_complex(field.node_directions[0, node])  # type: ignore[attr-defined]
+        node = field.node(place)
+        beside = as_complex(field.node_directions[0, node])
         known = float(field.turned[0, node] + np.angle(here[0] * np.conj(beside)))
     return np.asarray(np.angle(here * np.conj(here[:1])) + known)
 

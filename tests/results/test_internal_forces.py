@@ -23,21 +23,6 @@ def weight(beam):
     return beam.material.density * beam.section.area * beam.length * G
 
 
-def momenta(solution):
-    """Momentum, and angular momentum about the origin, of all beams, by Gauss' rule over each element."""
-    x, w = np.polynomial.legendre.leggauss(4)
-    p, h = 0.0, 0.0
-    for beam in solution.scene.beams:
-        count = solution.fields[beam.name].coordinates.shape[1] - 1
-        for e in range(count):
-            places = (e + 0.5 * (x + 1.0)) / count
-            mass = beam.material.density * beam.section.area * beam.length / count * 0.5 * w
-            r, v = solution.position(beam.name, places), solution.velocity(beam.name, places)
-            p = p + np.einsum("k,nkc->nc", mass, v)
-            h = h + np.einsum("k,nk->n", mass, cross(r, v))
-    return p, h
-
-
 def integral(series, t):
     """By trapezoids, from the first output to each."""
     parts = 0.5 * (series[1:] + series[:-1]).T * np.diff(t)
@@ -67,47 +52,14 @@ def test_a_cantilever_has_the_section_forces_of_the_exact_elastica(elements, all
     assert reaction[2] == pytest.approx(-cross(exact.position(1.0), force), abs=0.45 * allowed)
 
 
-def swing(element="cable", integrator="generalized-alpha", damping=0.0, dt=1e-3):
+def swing(element="cable"):
     """A driven arm with a forearm on a pin, in a skew gravity, and a force at the elbow."""
-    soft = at.Material(E=5e6, density=1100.0, damping=damping)
-    arm = at.Beam("arm", (0, 0), (0.3, 0.1), ROD, soft)
-    fore = at.Beam("fore", (0.3, 0.1), (0.5, -0.2), ROD, soft)
+    arm = at.Beam("arm", (0, 0), (0.3, 0.1), ROD, RUBBER)
+    fore = at.Beam("fore", (0.3, 0.1), (0.5, -0.2), ROD, RUBBER)
     motor = at.Clamp("arm.start", angle=at.Quintic(turn=pi / 2, duration=0.2))
     elbow = at.Pin("arm.end", "fore.start")
     scene = at.Scene("swing", [arm, fore], [motor, elbow], [at.Force("arm.end", (0.0, 0.7))], gravity=G)
-    run = at.Discretisation(mesh=2, element=element, integrator=integrator, dt=dt, t_end=0.2)
-    return scene, at.solve(scene, run)
-
-
-@pytest.mark.parametrize(
-    ("element", "integrator", "dt"),
-    [("cable", "generalized-alpha", 1e-3), ("shear", "generalized-alpha", 1e-3), ("cable", "zhai", 2e-4)],
-)
-@pytest.mark.parametrize("damping", [0.0, 2e-3])
-def test_reactions_are_the_rates_of_the_momenta(element, integrator, dt, damping):
-    if integrator == "zhai" and damping:
-        pytest.skip("the same kernels of damping")
-    scene, found = swing(element, integrator, damping, dt)
-    assert found.status.ok
-    arm, fore = scene.bodies
-    force, t = np.array([0.0, 0.7]), found.t
-    reaction = found.reaction(scene.joints[0])
-    p, h = momenta(found)
-    brought = integral(reaction[:, :2] + weight(arm) + weight(fore) + force, t)
-    np.testing.assert_allclose(p - p[0], brought, atol=2e-3 * np.abs(brought).max())
-    if element == "cable":  # without rotary inertia
-        middles = [middle_of(found, beam) for beam in (arm, fore)]
-        turning = sum(cross(m, weight(b)) for m, b in zip(middles, (arm, fore), strict=True))
-        turned = integral(turning + cross(found.position("arm.end"), force) + reaction[:, 2], t)
-        np.testing.assert_allclose(h - h[0], turned, atol=2e-3 * np.abs(turned).max())
-
-
-def middle_of(solution, beam):
-    """Centre of mass of a beam, (n, 2)."""
-    x, w = np.polynomial.legendre.leggauss(4)
-    count = solution.fields[beam.name].coordinates.shape[1] - 1
-    places = np.concatenate([(e + 0.5 * (x + 1.0)) / count for e in range(count)])
-    return np.einsum("k,nkc->nc", np.tile(0.5 * w / count, count), solution.position(beam.name, places))
+    return scene, at.solve(scene, mesh=2, element=element, dt=1e-3, t_end=0.2)
 
 
 @pytest.mark.parametrize("element", ["cable", "shear"])
@@ -123,7 +75,6 @@ def test_the_torque_of_a_drive_does_its_work(element):
 def test_a_section_is_in_equilibrium_from_both_sides(element):
     """What lies before a section holds it as well: its momentum, weight and the reaction at its start."""
     _, found = swing(element)
-    arm = found.scene.bodies[0]
     held = found.reaction(found.scene.joints[0])
     start = found.section_force("arm", 0.0)
     tangent = np.stack([np.cos(found.angle("arm.start")), np.sin(found.angle("arm.start"))], axis=1)
@@ -134,12 +85,6 @@ def test_a_section_is_in_equilibrium_from_both_sides(element):
     )  # fmt: skip
     np.testing.assert_allclose(np.einsum("nc,nc->n", turned, -held[:, :2]), start[:, 0], atol=1e-9)
     np.testing.assert_allclose(-held[:, 2], start[:, 2], atol=1e-10)
-    # continuous over the node between two elements, where nothing acts
-    size = np.abs(found.section_force("arm", 0.5)).max(axis=0)
-    for side in (-1e-7, 1e-7):
-        near = found.section_force("arm", 0.5 + side)
-        np.testing.assert_allclose(near, found.section_force("arm", 0.5), atol=1e-4 * size.max())
-    assert arm.length > 0.0
 
 
 def test_forces_jump_where_a_force_acts():

@@ -86,9 +86,22 @@ class _Account:
         with np.errstate(invalid="ignore"):
             for code, wrong in (("diverged", self._diverged()), ("inaccurate", self._inaccurate())):
                 if wrong.any():
-                    yield self._finding(int(wrong.argmax()), code)
+                    k = int(wrong.argmax())
+                    balance, present = float(self.energy.balance[k]), all_energy(self.energy)[: k + 1].max()
+                    verb = "was created by numerical error" if balance > 0.0 else "vanished"
+                    share = "nearly all energy" if code == "diverged" else "much of the energy"
+                    sizes = f"({abs(balance):.3g} J of {present:.3g} J)"
+                    advice = _advice(self.run, balance > 0.0)
+                    yield self._finding(k, code, f"{share} at {{when}} {verb} {sizes}", advice)
             if (given := self._given()).sum() > 1:
-                yield self._given_finding(int(np.where(given, -self.energy.dissipated, 0.0).argmax()))
+                k = int(np.where(given, -self.energy.dissipated, 0.0).argmax())
+                given_energy = f"{-self.energy.dissipated[k]:.3g} J"
+                what = f"damping, which can only take energy, has given {given_energy} until {{when}}"
+                yield self._finding(k, "inaccurate", what, _advice(self.run, True))
+
+    def _finding(self, k: int, code: str, what: str, advice: str) -> Finding:
+        body, element, worst = most_stretched(self.solution, k)
+        return Finding(k, code, f"{what}{worst}: {advice}", body, element)
 
     def _most(self, series: Array) -> Array:
         """The largest value until each output, and at least what may have been exchanged between few of them."""
@@ -135,22 +148,6 @@ class _Account:
         fixed = isinstance(self.run.method, GeneralizedAlpha) and self.run.tolerance is None
         limit = np.maximum(INACCURATE * self._most(all_energy(self.energy)), self.noise)
         return (-self.energy.dissipated > limit) & (fixed and not self.laws)  # type: ignore[no-any-return]
-
-    def _finding(self, k: int, code: str) -> Finding:
-        body, element, worst = most_stretched(self.solution, k)
-        balance, present = float(self.energy.balance[k]), float(all_energy(self.energy)[: k + 1].max())
-        share = "nearly all energy" if code == "diverged" else "much of the energy"
-        verb = "was created by numerical error" if balance > 0.0 else "vanished"
-        sizes = f"({abs(balance):.3g} J of {present:.3g} J)"
-        advice = _advice(self.run, balance > 0.0)
-        return Finding(k, code, f"{share} at {{when}} {verb} {sizes}{worst}: {advice}", body, element)
-
-    def _given_finding(self, k: int) -> Finding:
-        body, element, worst = most_stretched(self.solution, k)
-        given = f"{-self.energy.dissipated[k]:.3g} J until {{when}}{worst}"
-        why = f"the steps do not resolve how it slows the motion down; {_smaller(self.run)} or integrator='esdirk'"
-        message = f"damping, which can only take energy, has given {given}: {why} may help"
-        return Finding(k, "inaccurate", message, body, element)
 
 
 def noise(solution: Solution, run: Discretisation) -> float:
@@ -205,21 +202,17 @@ def _keeps_energy(run: Discretisation) -> bool:
     return isinstance(run.method, GeneralizedAlpha) and run.spectral_radius == 1.0
 
 
-def _smaller(run: Discretisation) -> str:
-    """What makes steps shorter."""
-    return (
-        f"a smaller dt than {run.dt:g} s" if run.tolerance is None else f"a tolerance below {run.tolerance:g}"
-    )
-
-
 def _advice(run: Discretisation, created: bool) -> str:
     """Why energy may come from nowhere, or vanish, and what to try."""
-    alpha = isinstance(run.method, GeneralizedAlpha)
+    smaller = (
+        f"smaller dt than {run.dt:g} s" if run.tolerance is None else f"tolerance below {run.tolerance:g}"
+    )
+    why, other = "the steps are too long for the motion", ""
     if run.explicit:
-        why = "an explicit step is above the stability limit, which deformation lowers, or too long for the motion"
-        return f"{why}; {_smaller(run)} may help"
-    if not created and not _keeps_energy(run):
-        other = " or a larger spectral_radius" if alpha else ""
-        return f"numerical dissipation removes what the steps do not resolve; {_smaller(run)}{other} may help"
-    other = ", a spectral_radius of 0.9 or less, or integrator='esdirk'" if alpha else ""
-    return f"the steps are too long for the motion; {_smaller(run)}{other} may help"
+        why = f"an explicit step is above the stability limit, which deformation lowers, or {why}"
+    elif not created and not _keeps_energy(run):
+        why = "numerical dissipation removes what the steps do not resolve"
+        other = " or a larger spectral_radius" if isinstance(run.method, GeneralizedAlpha) else ""
+    elif isinstance(run.method, GeneralizedAlpha):
+        other = ", a spectral_radius of 0.9 or less, or integrator='esdirk'"
+    return f"{why}; a {smaller}{other} may help"

@@ -46,7 +46,7 @@ def inside_out(q: Array, length: float) -> Mask:
     z = as_complex(q)  # conj(a) b = a · b + i a × b
     chord, a, b = z[..., 1:, 0] - z[..., :-1, 0], z[..., :-1, 1], z[..., 1:, 1]
     along = np.array([(np.conj(chord) * a).real, (np.conj(chord) * b).real])
-    found = (along < 0.0).all(axis=0)
+    found: Mask = np.asarray((along < 0.0).all(axis=0))
     short = along.min(axis=0) < SHORTENED * length
     found[short] |= _has_cusp(chord[short] / length, a[short], b[short])
     if q.shape[-2] == 3:
@@ -54,13 +54,13 @@ def inside_out(q: Array, length: float) -> Mask:
         axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (z[..., :-1, 2] + z[..., 1:, 2])
         middle = (np.conj(axis) * across).imag
         found |= (sides[..., :-1] <= 0.0) | (sides[..., 1:] <= 0.0) | (middle <= 0.0)
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def _has_cusp(chord: Complex, a: Complex, b: Complex) -> Mask:
     """Whether the axis between gradients a and b, with a chord over its undeformed length, shrinks to a point."""
     slopes = hermite(np.linspace(0.0, 1.0, PLACES), 1.0, 1)[:, 1:] @ np.array([a, chord, b])
-    return np.abs(slopes).min(axis=0) < CUSP  # type: ignore[no-any-return]
+    return np.asarray(np.abs(slopes).min(axis=0) < CUSP)
 
 
 def shape_findings(solution: Solution) -> Iterator[Finding]:
@@ -91,7 +91,7 @@ def _faults(field: HermiteField | LagrangeField, outputs: slice, length: float) 
         wild = ~(spans / length <= STRETCH_LIMIT)  # or not a number
         return wild, wild
     q = field.coordinates[outputs]
-    nodes = ~(np.abs(q[:, :, 1:]) <= STRETCH_LIMIT).all(axis=(2, 3))
+    nodes = ~np.asarray((np.abs(q[:, :, 1:]) <= STRETCH_LIMIT).all(axis=(2, 3)))
     wild = nodes[:, 1:] | nodes[:, :-1]
     vectors = 3 if field.sections else 2
     return wild, wild | inside_out(q[:, :, :vectors], field.length / (q.shape[1] - 1))

@@ -113,7 +113,8 @@ def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -
         case "number":
             return float.__new__(_class(content[0], float), content[1])
         case "dataclass":
-            return _instance(*content[:2], _value(content[2], given, arrays))
+            name, names, parts = content
+            return _instance(name, names, _value(parts, given, arrays))
     raise NotPlain(f"{kind!r} is no kind of data")
 
 

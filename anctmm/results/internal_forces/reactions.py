@@ -140,8 +140,8 @@ class _Equations:
         """Write down the sums of the generalized forces on a node."""
         self.first[beam.name, node] = len(self.sums)
         held, half = beam.at_node(node), beam.q.shape[2]
-        mass = np.diag(beam.element.mass)
-        mass = (mass[half:] if node > 0 else 0.0) + (mass[:half] if node < beam.count else 0.0)
+        first, last = np.split(np.diag(beam.element.mass), 2)
+        mass = last * (node > 0) + first * (node < beam.count)
         for k in range(half):
             self.sums += [held[:, k, 0], held[:, k, 1]]
             self.masses += [float(mass[k])] * 2
