@@ -42,14 +42,7 @@ def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
 
 
 def find_cases(given: str, name: str | None = None) -> tuple[Case, ...]:
-    """Cases that a user means by a file, or by a built-in scene's name or the beginning of it.
-
-    Parameters
-    ----------
-    given : str
-        A path, which ends in ".py" or names a file that is there, or a name.
-    name : str, optional
-        Of the one scene wanted; all of the file without it.
+    """Cases that a user means by a file, or by a built-in scene's name or the beginning of it; `name` chooses one.
 
     Raises
     ------
@@ -59,8 +52,8 @@ def find_cases(given: str, name: str | None = None) -> tuple[Case, ...]:
     if is_file(given):
         cases = cases_in(given)
         return cases if name is None else (_named(cases, name, f"--case of file {given}"),)
-    every = built_in()
-    case = _named(every, given, "scene", f", and files that end in .py; {given!r} is no file either")
+    others = f", and files that end in .py; {given!r} is no file either"
+    case = _named(built_in(), given, "scene", others)
     return (case,) if name is None else (_named([case], name, f"--case of the built-in scene {given!r}"),)
 
 

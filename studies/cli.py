@@ -69,11 +69,6 @@ Baselines = _option("Stored histories: anctmm's, or baselines/ beside your scene
 RESULTS = Path("results")
 
 
-def main() -> None:
-    """Entry point."""
-    app()
-
-
 def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
@@ -92,9 +87,7 @@ def whole_command(
 
 
 @app.command("list", cls=Command)
-def list_(
-    file: Annotated[Text, typer.Argument(help="Your file: list its cases only.")] = None,
-) -> None:
+def list_(file: Annotated[Text, typer.Argument(help="Your file: list its cases only.")] = None) -> None:
     """Scenes, solvers and studies; or the cases of a file."""
     from rich.console import Console
 
@@ -110,16 +103,10 @@ def list_(
 
 @app.command(cls=Command)
 def run(
-    scene: Given,
-    case: Chosen = None,
-    error: Target = None,
-    elements: Mesh = None,
-    dt: Step = None,
-    element: Element = None,
-    integrator: Integrator = None,
-    solvers: Solvers = None,
+    scene: Given, case: Chosen = None, error: Target = None, elements: Mesh = None, dt: Step = None,
+    element: Element = None, integrator: Integrator = None, solvers: Solvers = None,
     out: RunOut = None,
-) -> None:
+) -> None:  # fmt: skip
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
     from rich.console import Console
 
@@ -148,19 +135,11 @@ def run(
 @app.command(cls=Command)
 def study(
     name: Annotated[str, typer.Argument(help="trade, convergence, … (see `anctmm list`)")],
-    scene: Some = None,
-    case: Chosen = None,
-    elements: Elements = None,
-    dt: Steps = None,
-    solvers: Solvers = None,
-    element: Element = None,
-    integrator: Integrator = None,
-    error: Target = None,
-    quick: Quick = False,
-    workers: Workers = None,
-    cluster: Cluster = None,
+    scene: Some = None, case: Chosen = None, elements: Elements = None, dt: Steps = None,
+    solvers: Solvers = None, element: Element = None, integrator: Integrator = None,
+    error: Target = None, quick: Quick = False, workers: Workers = None, cluster: Cluster = None,
     out: StudyOut = RESULTS,
-) -> None:
+) -> None:  # fmt: skip
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
@@ -188,13 +167,9 @@ def study(
 
 @app.command(cls=Command)
 def report(
-    file: Some = None,
-    case: Chosen = None,
-    quick: Quick = False,
-    workers: Workers = None,
-    cluster: Cluster = None,
-    out: PageOut = None,
-) -> None:
+    file: Some = None, case: Chosen = None, quick: Quick = False, workers: Workers = None,
+    cluster: Cluster = None, out: PageOut = None,
+) -> None:  # fmt: skip
     """Run every study and write one page; of a file those that take its cases."""
     from studies.cases import chosen
     from studies.engine.files import check_writable, file_name
@@ -216,27 +191,18 @@ def report(
 
 @app.command(cls=Command)
 def recommend(
-    scene: Given,
-    case: Chosen = None,
-    error: Target = None,
-    budget: Budget = None,
-    elements: Elements = None,
-    dt: Steps = None,
-    solvers: Solvers = None,
-    element: Element = None,
-    integrator: Integrator = None,
-    table: Trade = None,
-    quick: Quick = False,
-    workers: Workers = None,
-    cluster: Cluster = None,
-    rerun: Rerun = True,
-) -> None:
+    scene: Given, case: Chosen = None, error: Target = None, budget: Budget = None,
+    elements: Elements = None, dt: Steps = None, solvers: Solvers = None, element: Element = None,
+    integrator: Integrator = None, table: Trade = None, quick: Quick = False, workers: Workers = None,
+    cluster: Cluster = None, rerun: Rerun = True,
+) -> None:  # fmt: skip
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
     from rich.console import Console
 
     from studies.cases import find_case, is_file
     from studies.engine.study import Options, check_fits
     from studies.trade import recommend as advice
+    from studies.trade.study import run as run_trade
 
     if error is None and budget is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
@@ -247,7 +213,7 @@ def recommend(
     measured = advice.read(table) if table is not None else advice.find(own)
     if measured is None:
         with sweeping(quick, workers, cluster) as runner:
-            measured = advice.measured_now(own, options, runner)
+            measured = advice.of_result(run_trade(options, runner))
     advice.check_case(measured, own)
     choice = advice.choose(advice.narrowed(measured.points, own.name, options), error, budget)
     console = Console()
@@ -263,10 +229,7 @@ def recommend(
 
 
 @app.command(cls=Command)
-def bench(
-    quick: Quick = False,
-    out: StudyOut = RESULTS,
-) -> None:
+def bench(quick: Quick = False, out: StudyOut = RESULTS) -> None:
     """Measure kernels, peers, length, trees, memory, first results: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
@@ -284,17 +247,10 @@ def bench(
 
 @app.command(cls=Command)
 def check(
-    file: Some = None,
-    case: Chosen = None,
-    elements: Mesh = None,
-    dt: Step = None,
-    only: Only = None,
-    solver: Checked = None,
-    update: Update = False,
-    scenes: Scenes = None,
-    baselines: Baselines = None,
+    file: Some = None, case: Chosen = None, elements: Mesh = None, dt: Step = None, only: Only = None,
+    solver: Checked = None, update: Update = False, scenes: Scenes = None, baselines: Baselines = None,
     out: StudyOut = RESULTS,
-) -> None:
+) -> None:  # fmt: skip
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console
 

@@ -15,15 +15,13 @@ from anctmm.model.joints import Clamp, Weld
 from reference.exact import solve_static as exact_static
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
-from studies.engine.refinement import Refined, Refinement, Setup, offer_of
-from studies.engine.richardson import Part
+from studies.engine.refinement import MESH, STEP, Refined, Refinement, Setup, offer_of
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits, check_taken
 from studies.engine.tables import Table
 from studies.engine.trials import NO_BEAMS, Mesh, mesh_label
-from studies.engine.values import OUTPUTS_NOTE, Reading, Value, at_joints, at_probes, values_of
-from studies.report.configurations import configurations
-from studies.report.plots import DASHES, MARKERS, log_axes, picture
+from studies.engine.values import OUTPUTS_NOTE, Reading, at_joints, at_probes, values_of
+from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-5, True: 1e-3}
@@ -65,20 +63,21 @@ def run(options: Options, runner: Runner) -> Result:
         Refinement(case, setup, runner, meshes, steps).refined(target) for setup in setups(options, case)
     ]
     tables = {
-        "mesh": _table("mesh", found, mesh_levels),
-        "step": _table("step", found, step_levels),
-        "values": _table("values", found, lambda one: value_rows(one, at_probes)),
-        "forces": _table("forces", found, lambda one: value_rows(one, at_joints)),
+        "mesh": _table("mesh", found, lambda f: _levels(f, MESH)),
+        "step": _table("step", found, lambda f: _levels(f, STEP)),
+        "values": _table("values", found, lambda f: value_rows(f, at_probes)),
+        "forces": _table("forces", found, lambda f: value_rows(f, at_joints)),
         "exact": _table("exact", found, exact_rows),
     }
     if tables["exact"].frame.empty:
         del tables["exact"]
-    drawn = [configurations(f.solution) for f in found if len(f.solution.t)][:1]
+    name, caption = f"configurations_{file_name(case.name)}", f"{case.name}: configurations and energies."
+    drawn = [as_picture(name, caption, f.solution.plot()) for f in found if len(f.solution.t)]
     return Result(
         name="convergence", title="Convergence and joint forces",
         question="How does the error fall with mesh and step, and how far is each value from the exact one?",
         findings=tuple(finding(f) for f in found), assumptions=assumptions_of(case), tables=tuple(tables.values()),
-        pictures=(*drawn, *_picture(case.name, tables["mesh"].frame, tables["step"].frame)),
+        pictures=(*drawn[:1], *_picture(case.name, tables["mesh"].frame, tables["step"].frame)),
         answers=tuple(answers(found[0])), shown=tuple(tables), good=any(f.solution.status.ok for f in found),
     )  # fmt: skip
 
@@ -143,29 +142,21 @@ def _about(found: Refined) -> dict[str, str]:
     }  # fmt: skip
 
 
-def mesh_levels(found: Refined) -> Iterator[dict[str, Any]]:
-    """A row for each mesh up to that of a run, by its step."""
-    if found.levels.refines_mesh:
-        yield from _levels(found, [(k, found.j) for k in range(found.i + 1)], found.levels.mesh_part)
-
-
-def step_levels(found: Refined) -> Iterator[dict[str, Any]]:
-    """A row for each step down to that of a run, on its mesh."""
-    if found.levels.refines_step:
-        yield from _levels(found, [(found.i, k) for k in range(found.j + 1)], found.levels.step_part)
-
-
-def _levels(
-    finest: Refined, runs: Sequence[tuple[int, int]], part_of: Callable[[int, int], Part]
-) -> Iterator[dict[str, Any]]:
-    """Rows of runs from coarse to fine: the difference to the finest, and the estimate of that one's error."""
-    levels, rest = finest.levels, part_of(*runs[-1]).error
-    for i, j in runs:
-        solution, trial = levels.solution(i, j), levels.trial(i, j)
-        error = rest if (i, j) == runs[-1] else rest + levels.difference(solution, finest.solution)
+def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
+    """Rows of meshes, or of steps, from coarse to fine: the difference to the finest, and that one's own error."""
+    levels, last = finest.levels, (finest.i, finest.j)[axis]
+    rest, refined = (finest.mesh, finest.step)[axis].error, (levels.refines_mesh, levels.refines_step)[axis]
+    for k in range(last + 1) if refined else ():
+        place = (k, finest.j) if axis == MESH else (finest.i, k)
+        solution, trial, order = (
+            levels.solution(*place),
+            levels.trial(*place),
+            levels.part(*place, axis).order,
+        )
+        error = rest if k == last else rest + levels.difference(solution, finest.solution)
         yield {
             **_about(finest), "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
-            "error": error if isfinite(error) else nan, "order": part_of(i, j).order, "status": str(solution.status),
+            "error": error if isfinite(error) else nan, "order": order, "status": str(solution.status),
         }  # fmt: skip
 
 
@@ -203,36 +194,30 @@ def finding(found: Refined) -> str:
     if not found.solution.status.ok:
         return f"{about}: {found.reason}."
     setup = found.levels.setup
+    parts = ("mesh", found.mesh, setup.mesh_order), ("step", found.step, setup.step_order)
     orders = [
-        f"{name} {part.order:.2f} (theory {theory:g})"
-        for name, part, theory in (
-            ("in the mesh", found.mesh, setup.mesh_order),
-            ("in the step", found.step, setup.step_order),
-        )
-        if isfinite(part.order)
-    ]
+        f"in the {what} {part.order:.2f} (theory {theory:g})" for what, part, theory in parts if isfinite(part.order)
+    ]  # fmt: skip
     order = f"observed order {' and '.join(orders)}; " if orders else ""
     return f"{about}: {order}{_estimate(found)}.{_held(found)}"
 
 
 def answers(found: Refined) -> Iterator[Answer]:
     """Cards of a case, by the first of its setups: the largest displacement with its digits, the largest force."""
-    question = f"{found.levels.case.name}: how many digits are correct?"
+    name = found.levels.case.name
+    question = f"{name}: how many digits are correct?"
     if not found.solution.status.ok:
         yield Answer(question, "none", f"{found.reason}.")
         return
     values = values_of(found)
     moved = [v for v in values if v.quantity.startswith("largest displacement")] or values
     value = max(moved, key=lambda v: abs(v.value))
-    yield Answer(
-        question, value.text, f"{_digits(value)}{value.probe}, {value.quantity}. {_estimate(found)}."
-    )
+    yield Answer(question, value.text, f"{value.probe}, {value.quantity}. {_estimate(found)}.")
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
     if any(not abs(v.value) <= v.uncertainty for v in forces):
         largest = max(forces, key=lambda v: abs(v.value))
-        take = f"{_digits(largest)}In {largest.probe}, {largest.quantity.removeprefix('largest force ')}."
-        question = f"{found.levels.case.name}: what is the largest force in a joint?"
-        yield Answer(question, largest.text, take)
+        take = f"In {largest.probe}, {largest.quantity}."
+        yield Answer(f"{name}: what is the largest force in a joint?", largest.text, take)
 
 
 def _estimate(found: Refined) -> str:
@@ -242,16 +227,6 @@ def _estimate(found: Refined) -> str:
     given = "" if found.levels.estimates else "; the other is the one given, and its error is not known"
     short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
     return f"{found.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
-
-
-def _digits(value: Value) -> str:
-    match value.digits:
-        case None:
-            return ""
-        case 0:
-            return "No digit is correct. "
-        case count:
-            return f"Correct digits: {count}. "
 
 
 def _held(found: Refined) -> str:

@@ -68,13 +68,12 @@ def run(options: Options, runner: Runner) -> Result:
     targets = (*(t for t in TARGETS if t > 1.01 * smallest), smallest)
     choices = Choices.of(case.scene, kinds_of(case.scene))
     models = Models(case, choices, runner, SHARE * smallest, MOST_WORK[options.quick])
-    first = models.rows(choices.first())
-    best = choices.best(alone(first, choices), targets)
-    more = [kinds for kinds in best if "/".join(kinds) not in set(first["element"])]
-    rows = pd.concat([first, models.rows(more)], ignore_index=True) if more else first
-    detailed = rows[rows["model"] == choices.words(choices.uniform(choices.kinds[0]))]["cpu_s"].min()
-    rows = rows.assign(gain=detailed / rows["cpu_s"])
-    simplified = pd.DataFrame(_simplified(case, rows, choices, targets))
+    rows = models.rows(choices.first())
+    alone = pd.DataFrame(_simplified(case, rows, choices, targets))
+    known = {(row["unit"], row["kind"]): row["error"] for row in records(alone) if row["status"] == "ok"}
+    more = [kinds for kinds in choices.best(known, targets) if "/".join(kinds) not in set(rows["element"])]
+    rows = pd.concat([rows, models.rows(more)], ignore_index=True) if more else rows
+    simplified = alone.drop(columns="unit")
     cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
     findings = tuple(_findings(case, choices, cheapest, simplified))
     return Result(
@@ -98,21 +97,11 @@ def kinds_of(scene: Scene) -> Kinds:
 
 @dataclass(frozen=True)
 class Choices:
-    """Choices of a kind for each beam.
+    """Choices of a kind for each beam."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of the beams.
-    units : tuple of tuple of int
-        Places of the beams that are chosen together.
-    kinds : tuple of str
-        The detailed one first.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[tuple[int, ...], ...]
-    kinds: Kinds
+    names: tuple[str, ...]  # of the beams
+    units: tuple[tuple[int, ...], ...]  # places of the beams that are chosen together
+    kinds: Kinds  # the detailed one first
 
     @classmethod
     def of(cls, scene: Scene, kinds: Kinds) -> "Choices":
@@ -129,30 +118,18 @@ class Choices:
         """One kind for all."""
         return (kind,) * len(self.names)
 
-    def alone(self, unit: int, kind: str, base: str) -> Kinds:
-        """One unit of a kind, all others of another."""
-        return tuple(kind if k in self.units[unit] else base for k in range(len(self.names)))
-
-    def bases(self, unit: int, kind: str) -> list[Kinds]:
-        """Choices in which one unit alone is of a kind, the detailed ones first."""
-        return [self.alone(unit, kind, base) for base in self.kinds[: self.kinds.index(kind)]]
+    def alone(self, unit: int, kind: str) -> Kinds:
+        """One unit of a kind, all others as detailed as can be."""
+        return tuple(kind if k in self.units[unit] else self.kinds[0] for k in range(len(self.names)))
 
     def first(self) -> list[Kinds]:
         """Choices to try before anything is known, the detailed one first."""
         found = [self.uniform(kind) for kind in self.kinds]
-        for unit, kind in product(range(len(self.units)), self.kinds[1:]):
-            found += self.bases(unit, kind)
+        found += [self.alone(*pair) for pair in product(range(len(self.units)), self.kinds[1:])]
         return list(dict.fromkeys(found))
 
     def best(self, error: Mapping[tuple[int, str], float], targets: Sequence[float]) -> list[Kinds]:
-        """Combinations of simplified units whose errors alone sum up to no more than a target.
-
-        Parameters
-        ----------
-        error : mapping of (unit, kind) to float
-            Where it alone is of that kind; others cannot be.
-        targets : sequence of float
-        """
+        """Combinations of simplified units whose errors alone sum up to no more than a target."""
         found = [self._sum_below(error, target, base) for target in targets for base in self.kinds[:-1]]
         return list(dict.fromkeys(found))
 
@@ -183,6 +160,7 @@ class Models:
 
     def __init__(self, case: Case, choices: Choices, runner: Runner, target: float, most_work: float) -> None:
         self.case, self.choices, self.runner, self.most_work = case, choices, runner, most_work
+        self.detailed: float | None = None  # CPU time of the detailed model, s
         self.refined: dict[str, Refined] = {}
         for kind in choices.kinds:
             runner.heading = f"{case.name}, mesh and step of {kind} beams: "
@@ -198,7 +176,7 @@ class Models:
         good = [k for k, s in enumerate(solutions) if s.status.ok]
         costs = self.runner.time_in_turn([trials[k] for k in good]) if good else []
         timings = {k: least(samples) for k, samples in zip(good, costs, strict=True)}
-        return pd.DataFrame([
+        rows = pd.DataFrame([
             {
                 "scene": self.case.name, "model": self.choices.words(kinds), "element": "/".join(kinds),
                 "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
@@ -208,6 +186,9 @@ class Models:
             }
             for k, ((kinds, trial), solution) in enumerate(zip(planned, solutions, strict=True))
         ])  # fmt: skip
+        if self.detailed is None:  # the detailed model is in the first rows
+            self.detailed = rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min()
+        return rows.assign(gain=self.detailed / rows["cpu_s"])
 
     def _trials(self, kinds: Kinds) -> Iterator[Trial]:
         """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
@@ -238,31 +219,19 @@ class Models:
             )
 
 
-def alone(rows: pd.DataFrame, choices: Choices) -> dict[tuple[int, str], float]:
-    """By unit and kind the error of the most detailed model in which that unit alone is of that kind."""
-    errors = rows[rows["status"] == "ok"].groupby("element")["error"].min()
-    found = {}
-    for unit, kind in product(range(len(choices.units)), choices.kinds[1:]):
-        names = ["/".join(kinds) for kinds in choices.bases(unit, kind)]
-        known = [errors[name] for name in names if name in errors.index]
-        if known:
-            found[unit, kind] = known[0]
-    return found
-
-
 def _simplified(
     case: Case, rows: pd.DataFrame, choices: Choices, targets: Sequence[float]
 ) -> Iterator[dict[str, Any]]:
     """Error and gain of each beam simplified alone, or why it cannot be."""
     for (unit, those), kind in product(enumerate(choices.units), choices.kinds[1:]):
         others = f" and {len(those) - 1} equal ones" if len(those) > 1 else ""
-        about = {"scene": case.name, "beam": choices.names[those[0]] + others, "kind": kind}
-        runs = [rows[rows["element"] == "/".join(kinds)] for kinds in choices.bases(unit, kind)]
-        good = [run[run["status"] == "ok"] for run in runs]
-        best = next((run.sort_values("cpu_s").iloc[0] for run in good if len(run)), None)
-        if best is None:
-            yield {**about, "status": runs[0]["status"].iloc[0]}
+        about = {"scene": case.name, "beam": choices.names[those[0]] + others, "unit": unit, "kind": kind}
+        runs = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s")
+        good = runs[runs["status"] == "ok"]
+        if good.empty:
+            yield {**about, "status": runs["status"].iloc[0]}
             continue
+        best = good.iloc[0]
         bound = best["error"] + best["reference_error"]
         found = {name: best[name] for name in ("model", "error", "reference_error", "gain")}
         yield {
@@ -302,22 +271,19 @@ def _findings(
         return
     best, detailed = lines.iloc[-1], choices.words(choices.uniform(choices.kinds[0]))
     sure, by = best["reference_error"], "" if case.static else f" with {best['integrator']}"
-    take = f"{case.name}: for a target error of {best['target']:g}: {best['model']}{by}, {milliseconds(best['cpu_s'])}"
-    if best["model"] == detailed:
-        yield f"{take}; no simpler model meets it (uncertainty {sure:.1g})."
-    else:
-        away = f"{best['error']:.1g} ± {sure:.1g} from {detailed}"
-        yield f"{take}; {away}, which takes {best['gain']:.2g} times as long."
-    for beam, rows in simplified.groupby("beam", sort=False):
-        yield f"{case.name}, {beam}: {'; '.join(_alone_text(line) for line in records(rows))}."
-
-
-def _alone_text(line: Mapping[str, Any]) -> str:
-    if line["status"] != "ok":
-        return f"{line['kind']} cannot be ({line['status']})"
-    enough = line["enough_for"]
-    verdict = f"enough for {enough:g}" if enough == enough else "too much for any target error"
-    return f"as {line['kind']} the result differs by {line['error']:.1g}, {verdict}"
+    away = f"{best['error']:.1g} ± {sure:.1g} from {detailed}, which takes {best['gain']:.2g} times as long"
+    none = f"no simpler model meets it (uncertainty {sure:.1g})"
+    yield (
+        f"{case.name}: for a target error of {best['target']:g}: {best['model']}{by}, {milliseconds(best['cpu_s'])}; "
+        f"{none if best['model'] == detailed else away}."
+    )
+    for line in records(simplified):
+        verdict = f"cannot be ({line['status']})"
+        if line["status"] == "ok":
+            enough = f"enough for {line['enough_for']:g}"
+            met = line["enough_for"] > 0.0
+            verdict = f"differs by {line['error']:.1g}, {enough if met else 'too much for any target error'}"
+        yield f"{case.name}, {line['beam']} as {line['kind']}: {verdict}."
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:

@@ -23,15 +23,7 @@ MOTIONS: dict[str, dict[str, Any]] = {
 
 
 def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int | None = None) -> None:
-    """Compile what has not been compiled yet.
-
-    Parameters
-    ----------
-    done : callable
-        Is called with each kind of run that is done.
-    workers : int, optional
-        Processes; default: as many as there are processors.
-    """
+    """Compile what has not been compiled yet."""
     kinds = [(name, element) for element, name in product(ELEMENTS, (*MOTIONS, "statics", "modes"))]
     kinds.remove(("modes", "space"))  # which are of the plane
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:

@@ -25,14 +25,6 @@ SILENT = 15.0
 def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None) -> "Iterator[Runner]":
     """A runner that shows its progress; on an interrupt it says what is stored and exits with 130.
 
-    Parameters
-    ----------
-    quick : bool
-    workers : int, optional
-        Processes that compute solutions side by side.
-    cluster : str, optional
-        Address of a dask scheduler that does.
-
     Raises
     ------
     SweepError

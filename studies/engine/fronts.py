@@ -43,15 +43,6 @@ def robust(errors: pd.Series, group: Sequence[Hashable], tightest: Sequence[bool
     """Each error, or that of the run with the tightest bound of the iteration where that is larger.
 
     The error of a loose Newton tolerance may cancel a part of the step's error; that is chance, which rounding changes.
-
-    Parameters
-    ----------
-    errors : Series
-        Of runs; NaN of one that failed.
-    group : sequence of hashable
-        Settings that a run shares with those that differ from it in the bounds of the iteration alone.
-    tightest : sequence of bool
-        Whether it has the tightest bounds of its solver.
     """
     rows = pd.DataFrame({"error": errors.to_numpy(float), "group": list(group)}, errors.index)
     tight = rows[np.asarray(tightest, dtype=bool)].groupby("group")["error"].max()

@@ -69,15 +69,6 @@ def step_below(case: Case, limit: float) -> float:
 def stable_step(scene: Scene, mesh: Any, longest: float, **options: Any) -> float:
     """Largest explicit step of ANC–TMM that it does not refuse as unstable, s, to a per cent.
 
-    Parameters
-    ----------
-    scene : Scene
-    mesh : int or mapping of beam to int
-    longest : float
-        s; the answer is infinite if it is stable.
-    **options
-        Further fields of the discretisation: element, quadrature.
-
     Raises
     ------
     AnctmmError

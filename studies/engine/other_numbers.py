@@ -19,21 +19,11 @@ STIFFNESS, DAMPING, TURNING_DAMPING = (0, 1, -2), (0, 1, -1), (2, 1, -1)
 
 @dataclass(frozen=True)
 class Changed:
-    """A function of a user's with other numbers.
+    """A function of a user's with other numbers."""
 
-    Parameters
-    ----------
-    function : callable
-        Of time, s, or of a fraction of a beam.
-    change : callable
-        What becomes of its answer.
-    second : float
-        Units of time in a second; 1 of a function of a fraction.
-    """
-
-    function: Callable[[Any], Any]
-    change: Callable[[Any], Any]
-    second: float = 1.0
+    function: Callable[[Any], Any]  # of time, s, or of a fraction of a beam
+    change: Callable[[Any], Any]  # of its answer
+    second: float = 1.0  # units of time in a second
 
     def __call__(self, t: Any) -> Any:
         """The answer in the other units, at a time in those."""
@@ -48,22 +38,13 @@ class Changed:
 
 @dataclass(frozen=True)
 class Change:
-    """How many units a metre, a kilogram and a second have, where the origin is, and how the scene is turned.
-
-    Parameters
-    ----------
-    metre, kilogram, second : float
-    place : (float, float)
-        Place of the old origin, m.
-    turn : float
-        About the new origin, rad.
-    """
+    """How many units a metre, a kilogram and a second have, where the origin is, and how the scene is turned."""
 
     metre: float = 1.0
     kilogram: float = 1.0
     second: float = 1.0
-    place: tuple[float, float] = (0.0, 0.0)
-    turn: float = 0.0
+    place: tuple[float, float] = (0.0, 0.0)  # of the old origin, m
+    turn: float = 0.0  # about the new origin, rad
 
     @property
     def exact(self) -> bool:

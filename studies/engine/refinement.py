@@ -27,6 +27,8 @@ from studies.engine.runner import Runner
 from studies.engine.trials import Given, Mesh, Trial
 
 EXPLICIT = "zhai"
+#: What is refined: axes of the levels.
+MESH, STEP = 0, 1
 #: Elements times steps of a run at most, some ten seconds; steps of a motion that an equilibrium counts as.
 MOST_WORK, STATIC_STEPS = 4e6, 100.0
 #: Statuses that neither a finer mesh nor a shorter step changes.
@@ -86,17 +88,8 @@ def offer_of(solver: str) -> Offer:
 class Refinement:
     """Runs of a case over levels of mesh and step, each level half of the one before.
 
-    Parameters
-    ----------
-    case : Case
-    setup : Setup
-    runner : Runner
-    meshes : sequence of tuple of int
-        Of its levels, from coarse to fine, one or more; without any, meshes are chosen.
-    steps : sequence of float
-        Of its levels, from long to short, s, one or more; without any, steps are chosen.
-    most_work : float
-        Elements times steps of a run at most, where mesh or step is chosen.
+    Without given meshes (from coarse to fine) or steps (from long to short, s), they are chosen, and no run takes more
+    than `most_work` elements times steps.
     """
 
     def __init__(
@@ -152,23 +145,19 @@ class Refinement:
             self._solutions[i, j] = self.runner.solve(self.trial(i, j))
         return self._solutions[i, j]
 
-    def mesh_runs(self, i: int, j: int) -> list[Solution]:
-        """The run of a level and those on the next two coarser meshes; nothing where no mesh is refined."""
-        return [self.solution(k, j) for k in (i, i - 1, i - 2) if k >= 0] if self.refines_mesh else []
+    def runs_along(self, i: int, j: int, axis: int) -> list[Solution]:
+        """The run of a level and the next two coarser ones of an axis, MESH or STEP; none where it is not refined."""
+        return [self.solution(*level) for level in self._levels_along(i, j, axis)]
 
-    def step_runs(self, i: int, j: int) -> list[Solution]:
-        """The run of a level and those by the next two longer steps; nothing where no step is refined."""
-        return [self.solution(i, k) for k in (j, j - 1, j - 2) if k >= 0] if self.refines_step else []
-
-    def mesh_part(self, i: int, j: int) -> Part:
-        """Part of the error that is due to the mesh."""
-        spacing = Spacing(*(self._finer_mesh(k) for k in (i, i - 1)))
-        return self._part(self.mesh_runs(i, j), self.setup.mesh_order, spacing)
-
-    def step_part(self, i: int, j: int) -> Part:
-        """Part of the error that is due to the step."""
-        spacing = Spacing(*(self.dt_at(i, k - 1) / self.dt_at(i, k) if k > 0 else 2.0 for k in (j, j - 1)))
-        return self._part(self.step_runs(i, j), self.setup.step_order, spacing)
+    def part(self, i: int, j: int, axis: int) -> Part:
+        """Part of the error that is due to the mesh or the step."""
+        runs = self.runs_along(i, j, axis)
+        if len(runs) < 2:
+            return Part(inf) if runs else Part()
+        before = self.difference(runs[2], runs[1]) if len(runs) > 2 else nan
+        theory = (self.setup.mesh_order, self.setup.step_order)[axis]
+        spacing = Spacing(self._ratio(i, j, axis), self._ratio(i, j, axis, 1))
+        return part_of(self.difference(runs[1], runs[0]), before, theory, spacing)
 
     def refined(self, target: float) -> "Refined":
         """Refine mesh and step until the estimated error is no larger than a target, relative."""
@@ -216,15 +205,28 @@ class Refinement:
         raised = not status.ok and "Error: " in status.message  # by a function of the user's scene
         return status.code in FINAL or raised or (status.code == "refused" and not explicit)
 
+    def _levels_along(self, i: int, j: int, axis: int) -> list[tuple[int, int]]:
+        refined = (self.refines_mesh, self.refines_step)[axis]
+        levels = [(i - k, j) if axis == MESH else (i, j - k) for k in range(3)]
+        return [level for level in levels if min(level) >= 0] if refined else []
+
+    def _ratio(self, i: int, j: int, axis: int, below: int = 0) -> float:
+        """How many times finer a level (or one below it) is than the one before; of the beam that is refined least."""
+        if (i, j)[axis] - below <= 0:
+            return 2.0
+        if axis == STEP:
+            return self.dt_at(i, j - below - 1) / self.dt_at(i, j - below)
+        fine, coarse = self.mesh_at(i - below), self.mesh_at(i - below - 1)
+        return min(n / before for n, before in zip(fine, coarse, strict=True))
+
     def _at(self, i: int, j: int, target: float) -> "Refined":
         if not self.solution(i, j).status.ok:
             return Refined(self, i, j, Part(inf), Part(inf), target)
-        coarser = [(k, j) for k in (i - 1, i - 2) if k >= 0 and self.refines_mesh]
-        longer = [(i, k) for k in (j - 1, j - 2) if k >= 0 and self.refines_step]
-        new = [level for level in (*coarser, *longer) if level not in self._solutions]
+        around = [*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)]
+        new = [level for level in dict.fromkeys(around) if level not in self._solutions]
         found = self.runner.solve_many(self.trial(*level) for level in new)
         self._solutions |= dict(zip(new, found, strict=True))
-        return Refined(self, i, j, self.mesh_part(i, j), self.step_part(i, j), target)
+        return Refined(self, i, j, self.part(i, j, MESH), self.part(i, j, STEP), target)
 
     def _finer(self, found: "Refined") -> tuple[int, int]:
         """The next level: the larger part of the error is refined, both where each alone is too large."""
@@ -237,19 +239,6 @@ class Refinement:
         coarser_step = self.chooses_step and (step > half or step > mesh)
         return i + coarser_mesh, j + coarser_step
 
-    def _finer_mesh(self, i: int) -> float:
-        """How many times finer the mesh of a level is than the one before, of the beam that is refined least."""
-        if i <= 0 or not self.meshes:
-            return 2.0
-        return min(n / before for n, before in zip(self.meshes[i], self.meshes[i - 1], strict=True))
-
-    def _part(self, runs: Sequence[Solution], theory: float, spacing: Spacing) -> Part:
-        """The error of the first of runs on levels from fine to coarse."""
-        if len(runs) < 2:
-            return Part(inf) if runs else Part()
-        before = self.difference(runs[2], runs[1]) if len(runs) > 2 else nan
-        return part_of(self.difference(runs[1], runs[0]), before, theory, spacing)
-
     def _longest_step(self, i: int) -> float:
         """Step of the coarsest level, s, a whole part of the interval of output."""
         if self.setup.integrator != EXPLICIT:
@@ -261,28 +250,15 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Refined:
-    """A run with the estimate of its error: also a reference for the errors of other runs.
-
-    Parameters
-    ----------
-    levels : Refinement
-        Where it comes from.
-    i, j : int
-        Its levels of mesh and step.
-    mesh, step : Part
-        Parts of its error.
-    target : float
-    reason : str
-        Why the target is not reached.
-    """
+    """A run with the estimate of its error: also a reference for the errors of other runs."""
 
     levels: Refinement
-    i: int
-    j: int
+    i: int  # level of its mesh
+    j: int  # level of its step
     mesh: Part
     step: Part
     target: float
-    reason: str = ""
+    reason: str = ""  # why the target is not reached
 
     @property
     def error(self) -> float:

@@ -47,36 +47,18 @@ class Spacing:
 
 @dataclass(frozen=True)
 class Part:
-    """Part of a run's error that is due to its mesh, or to its step.
+    """Part of a run's error that is due to its mesh, or to its step."""
 
-    Parameters
-    ----------
-    error : float
-        Estimated, with its safety factor; infinite where no coarser run is complete, zero where nothing is refined.
-    order : float
-        Observed; NaN where it cannot be.
-    sure : bool
-        Whether it is near that of theory.
-    spacing : Spacing
-        Of the levels that it comes from.
-    """
-
-    error: float = 0.0
-    order: float = nan
-    sure: bool = False
+    error: float = 0.0  # with its safety factor; infinite without a complete coarser run
+    order: float = nan  # observed
+    sure: bool = False  # the order is near that of theory
     spacing: Spacing = Spacing()
 
 
 def part_of(last: float, before: float, theory: float, spacing: Spacing) -> Part:
     """The part of an error by the differences of the finest run to the one before, and of that to the one before it.
 
-    Parameters
-    ----------
-    last, before : float
-        Infinite where a run is not complete; `before` is NaN where there are two levels only.
-    theory : float
-        Order that the error should have.
-    spacing : Spacing
+    `before` is NaN where there are two levels only; infinite differences are of runs that are not complete.
     """
     known = 0.0 < last < inf and isfinite(before)
     order = spacing.order(before / last) if known else nan

@@ -37,36 +37,16 @@ def remembered(key: str, compute: Callable[[], bytes]) -> bytes:
 
 @dataclass
 class Runner:
-    """Runs trials and stores their solutions.
+    """Runs trials and stores their solutions."""
 
-    Parameters
-    ----------
-    store : Path or None
-        Directory of finished runs; None: nothing is stored.
-    quick : bool
-        Whether times are measured once.
-    workers : int
-        Processes that compute solutions side by side; times are measured in this one.
-    cluster : str
-        Address of a dask scheduler that does, "tcp://host:8786".
-    resolve : callable
-        Name → solver.
-    show : callable
-        Shows progress: (label, number done, number of all).
-    heading : str
-        Purpose of the runs: stands before their labels.
-    computed : int
-        Runs of this session.
-    """
-
-    store: Path | None = None
-    quick: bool = False
-    workers: int = 1
-    cluster: str = ""
+    store: Path | None = None  # directory of finished runs
+    quick: bool = False  # times are measured once
+    workers: int = 1  # processes that compute solutions; times are measured in this one
+    cluster: str = ""  # address of a dask scheduler, "tcp://host:8786"
     resolve: Callable[[str], Solver] = registry.solver
     show: Callable[[str, int, int], None] = lambda label, done, total: None
-    heading: str = ""
-    computed: int = 0
+    heading: str = ""  # purpose of the runs, before their labels
+    computed: int = 0  # runs of this session
     _scenes: dict[int, tuple[Scene, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

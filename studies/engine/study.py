@@ -7,6 +7,7 @@ from importlib import import_module
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
+from studies.engine.files import file_name
 from studies.engine.runner import Runner
 from studies.engine.tables import Table
 from studies.engine.trials import Mesh, mesh_label
@@ -42,31 +43,16 @@ class StudyError(AnctmmError, ValueError):
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the user; None means the study's own.
+    """Choices of the user; None means the study's own."""
 
-    Parameters
-    ----------
-    quick : bool
-        The smallest sweep that still shows the study's point.
-    meshes : tuple of tuple of int, optional
-    steps : tuple of float, optional
-        s.
-    solvers : tuple of str, optional
-        Registered names.
-    cases : tuple of Case, optional
-    element, integrator : str, optional
-    error : float, optional
-        Target, relative.
-    """
-
-    quick: bool = False
+    quick: bool = False  # the smallest sweep that still shows the study's point
     meshes: tuple[Mesh, ...] | None = None
-    steps: tuple[float, ...] | None = None
+    steps: tuple[float, ...] | None = None  # s
     solvers: tuple[str, ...] | None = None
     cases: tuple[Case, ...] | None = None
     element: str | None = None
     integrator: str | None = None
-    error: float | None = None
+    error: float | None = None  # target, relative
 
     @property
     def case(self) -> Case:
@@ -95,37 +81,19 @@ class Answer:
 
 @dataclass(frozen=True)
 class Result:
-    """A study's answer.
-
-    Parameters
-    ----------
-    name, title, question : str
-    findings : tuple of str
-        Sentences with numbers taken from the tables.
-    assumptions : tuple of str
-    tables : tuple of Table
-    pictures : tuple of Picture
-    answers : tuple of Answer or str
-        Cards of the page; a sentence alone answers the study's question.
-    shown : tuple of str
-        Names of the tables that a terminal shows.
-    left_out : str
-        Parts of the study that a quick run leaves out, as the end of a sentence; empty where there are none.
-    good : bool
-        Whether at least one run answered.
-    """
+    """A study's answer."""
 
     name: str
     title: str
     question: str
-    findings: tuple[str, ...]
+    findings: tuple[str, ...]  # sentences with numbers taken from the tables
     assumptions: tuple[str, ...]
     tables: tuple[Table, ...]
     pictures: tuple[Picture, ...] = ()
-    answers: tuple[Answer | str, ...] = ()
-    shown: tuple[str, ...] = ()
-    left_out: str = ""
-    good: bool = True
+    answers: tuple[Answer | str, ...] = ()  # cards of the page; a sentence alone answers the study's question
+    shown: tuple[str, ...] = ()  # names of the tables that a terminal shows
+    left_out: str = ""  # parts that a quick run leaves out, as the end of a sentence
+    good: bool = True  # at least one run answered
 
     def table(self, name: str) -> Table:
         """The table of a name."""
@@ -133,13 +101,21 @@ class Result:
 
 
 def check_taken(options: Options, study: str) -> None:
-    """Refuse options that a study does not use.
+    """Refuse options that a study does not use, and cases whose files would have one name.
 
     Raises
     ------
     StudyError
-        Naming the option, and the studies with that option.
+        Naming the option, and the studies with that option; or both cases.
     """
+    files: dict[str, str] = {}
+    for case in options.cases or ():
+        other = files.setdefault(file_name(case.name), case.name)
+        if other != case.name:
+            raise StudyError(
+                f"files of scenes {other!r} and {case.name!r} would both be named {file_name(case.name)!r}; names that "
+                f"differ in letters, digits or _ . + - are needed"
+            )
     for name, typed in TYPED.items():
         if name not in TAKEN.get(study, RANGES) and getattr(options, name) is not None:
             takers = ", ".join(other for other, names in TAKEN.items() if name in names)

@@ -35,25 +35,13 @@ BELOW = "An error below the uncertainty of its reference is shown as below that:
 
 @dataclass(frozen=True)
 class Table:
-    """A named table.
+    """A named table."""
 
-    Parameters
-    ----------
-    name : str
-        Of its files.
-    title : str
-    frame : DataFrame
-    notes : tuple of str
-        Meaning of the columns.
-    place : str
-        Where it is: "page" (and in files), "files" (not on the page), "study" (not in a report at all).
-    """
-
-    name: str
+    name: str  # of its files
     title: str
     frame: pd.DataFrame
-    notes: tuple[str, ...] = ()
-    place: str = "page"
+    notes: tuple[str, ...] = ()  # meaning of the columns
+    place: str = "page"  # where it is: or "files" (not on the page), or "study" (not in a report at all)
 
 
 def records(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -22,22 +22,11 @@ SHORT = 0.1
 
 @dataclass(frozen=True)
 class Timing:
-    """Summary of repeated measurements.
+    """Summary of repeated measurements."""
 
-    Parameters
-    ----------
-    cpu_s : float
-        CPU time of the steps, s.
-    cpu_spread : float
-        (largest − smallest) / cpu_s; NaN for one sample.
-    build_s : float
-        CPU time of the calls beside their steps, s; NaN where a solver does not give it.
-    repeats : int
-    """
-
-    cpu_s: float
-    cpu_spread: float
-    build_s: float
+    cpu_s: float  # of the steps, s
+    cpu_spread: float  # (largest − smallest) / cpu_s; NaN for one sample
+    build_s: float  # of the calls beside their steps, s; NaN where a solver does not give it
     repeats: int
 
 
@@ -85,22 +74,7 @@ def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
 def in_turn(
     calls: Mapping[str, Callable[[], Sample]], rounds: int, warm: Mapping[str, Callable[[], object]]
 ) -> dict[str, list[Sample]]:
-    """Call several contestants in turn, on one core, after one unmeasured round: all meet the same disturbances.
-
-    Parameters
-    ----------
-    calls : mapping of name to callable
-        Each measures itself: returns a time, or a Solution with its cost.
-    rounds : int
-        Measured rounds.
-    warm : mapping of name to callable
-        Called in the unmeasured round, which need not be as long as the others.
-
-    Returns
-    -------
-    dict of name to list
-        Answers of each, one for each round.
-    """
+    """Call several contestants in turn, on one core, after one unmeasured round: all meet the same disturbances."""
     found: dict[str, list[Sample]] = {name: [] for name in calls}
     with undisturbed():
         for begin in warm.values():  # what compiles may use every core

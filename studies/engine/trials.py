@@ -29,34 +29,18 @@ _warm: set[tuple[Any, ...]] = set()
 
 @dataclass(frozen=True)
 class Trial:
-    """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too.
-
-    Parameters
-    ----------
-    scene : Scene
-    solver : str
-        Registered name.
-    mesh : tuple of int
-        Elements of each beam in the scene's order, or one number for all.
-    element, quadrature, integrator : str
-        As in Discretisation; `integrator` "static" asks for the static equilibrium.
-    dt, t_end, output_dt : float
-        s; of no meaning for statics.
-    options : tuple of (str, value)
-        Further options of the discretisation (a `tolerance` takes the place of `dt`), of the static solver, and
-        keyword arguments that only this solver has.
-    """
+    """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too."""
 
     scene: Scene
     solver: str
-    mesh: Mesh
+    mesh: Mesh  # elements of each beam in the scene's order, or one number for all
     element: Any = "cable"
     quadrature: str = "full"
-    integrator: str = "generalized-alpha"
-    dt: float = float("nan")
-    t_end: float = 0.0
-    output_dt: float = 0.0
-    options: Given = ()
+    integrator: str = "generalized-alpha"  # "static" for the static equilibrium
+    dt: float = float("nan")  # s
+    t_end: float = 0.0  # s
+    output_dt: float = 0.0  # s
+    options: Given = ()  # of discretisation (a `tolerance` in the place of `dt`), statics, and of this solver alone
 
     @classmethod
     def of(cls, case: Case, solver: str, mesh: Mesh, **setting: Any) -> "Trial":

@@ -17,7 +17,7 @@ from anctmm.model.rigid_bodies import PointMass
 from anctmm.results.metrics import EPS, ROUNDINGS
 from anctmm.results.solution import Solution
 from studies.cases import place_name
-from studies.engine.refinement import Refined
+from studies.engine.refinement import MESH, STEP, Refined
 from studies.engine.richardson import left_in
 from studies.engine.tables import Table
 
@@ -25,7 +25,7 @@ from studies.engine.tables import Table
 SHARE = 0.2
 #: Rounding of a number, in parts of the numbers that it is the difference of.
 ROUNDING = ROUNDINGS * EPS
-#: Digits that are counted at most.
+#: Digits that are written at most.
 MOST_DIGITS = 12
 AT_OUTPUTS = "at the outputs"
 OUTPUTS_NOTE = (
@@ -36,31 +36,13 @@ OUTPUTS_NOTE = (
 
 @dataclass(frozen=True)
 class Value:
-    """A number with its unit and its uncertainty.
-
-    Parameters
-    ----------
-    probe, quantity, unit : str
-    value : float
-    uncertainty : float
-        NaN where it was not estimated; of a `Reading` that of rounding.
-    """
+    """A number with its unit and its uncertainty."""
 
     probe: str
     quantity: str
     unit: str
     value: float
-    uncertainty: float = nan
-
-    @property
-    def digits(self) -> int | None:
-        """Number of correct digits, to half a unit of the last of them; None where that is not known."""
-        if not isfinite(self.uncertainty) or not self.value:
-            return None
-        if not self.uncertainty > 0.0:
-            return MOST_DIGITS
-        first = floor(log10(abs(self.value)))
-        return min(max(floor(first + 1 + log10(0.5 / self.uncertainty)), 0), MOST_DIGITS)
+    uncertainty: float = nan  # NaN where it was not estimated; of a `Reading` that of rounding
 
     @property
     def text(self) -> str:
@@ -134,14 +116,7 @@ def largest_of(what: str, case: Case) -> str:
 
 
 def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
-    """Values read from a run, with uncertainties from the next coarser mesh and step.
-
-    Parameters
-    ----------
-    found : Refined
-    read : callable
-        Of all runs of a case it reads the same values, in the same order.
-    """
+    """Values read from a run, with uncertainties from the next coarser mesh and step."""
     case, levels = found.levels.case, found.levels
     own = list(read(found.solution, case))
     if not (levels.estimates and found.known):
@@ -153,8 +128,8 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
 
     place = found.i, found.j
     refined = (
-        (numbers(levels.mesh_runs(*place)), found.mesh),
-        (numbers(levels.step_runs(*place)), found.step),
+        (numbers(levels.runs_along(*place, MESH)), found.mesh),
+        (numbers(levels.runs_along(*place, STEP)), found.step),
     )
     values = []
     for k, (value, size) in enumerate(own):

@@ -44,24 +44,13 @@ def part(name: str, title: str, rows: Sequence[Row], note: str, finding: str, *p
 
 @dataclass(frozen=True)
 class Base:
-    """A case with its refined run.
-
-    Parameters
-    ----------
-    case : Case
-    found : Refined
-        Of cables and implicit steps.
-    runner : Runner
-    quick : bool
-    peer : str
-        Another solver with the same elements, for comparison; empty without one.
-    """
+    """A case with its refined run."""
 
     case: Case
-    found: Refined
+    found: Refined  # of cables and implicit steps
     runner: Runner
     quick: bool
-    peer: str
+    peer: str  # another solver with the same elements; empty without one
 
     @classmethod
     def of(cls, case: Case, runner: Runner, quick: bool) -> "Base":
@@ -119,14 +108,7 @@ def apart(
 ) -> Array:
     """At each common output the largest difference of two runs at the probes, over the largest displacement.
 
-    Parameters
-    ----------
-    one, other : Solution
-    case : Case
-    length : float
-        Units of length of the other in a metre; its times are taken to be those of the first.
-    size : float, optional
-        The largest displacement, m; that of the first without it.
+    `length`: units of the other in a metre; `size`: the largest displacement, m, that of the first without it.
     """
     u, v = paths(one, case), paths(other, case) / length
     if case.static:  # solvers take load steps of their own
@@ -145,8 +127,3 @@ def energy_error(run: Solution) -> float:
 def good(rows: Sequence[Row]) -> list[Row]:
     """Rows of complete runs."""
     return [row for row in rows if row["status"] == "ok"]
-
-
-def first_bad(rows: Sequence[Row]) -> Row | None:
-    """The first row of a run that is not complete."""
-    return next((row for row in rows if row["status"] != "ok"), None)

@@ -1,6 +1,6 @@
 """Extremes of a case: steps, elements, units and places, stiffness, loads and time."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from math import ceil, isinf, nan
 from typing import Any
@@ -23,7 +23,6 @@ from studies.extremes.base import (
     Row,
     apart,
     energy_error,
-    first_bad,
     good,
     part,
     paths,
@@ -48,8 +47,8 @@ LOADS = {False: (1.0, 2.0, 4.0, 8.0, 16.0), True: (1.0, 4.0)}
 LONGER = {False: (1, 10, 100), True: (1, 10)}
 NOTES = {
     "stable_step": "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene, by the solver's own refusal, "
-    "to a per cent. of_limit: the step over it. error: largest difference to the refined run, of the largest "
-    "displacement. balance: largest energy error over the largest kinetic energy.",
+    "to a per cent. factor: the step over it, before it divides the interval of output. error: largest difference to "
+    "the refined run, of the largest displacement. balance: largest energy error over the largest kinetic energy.",
     "many_elements": f"The first {STEPS} steps of the refined run (an equilibrium whole). to_coarser: largest "
     f"difference to the mesh before. to_peer: to another solver on the same mesh, up to {MOST_OF_PEER} elements: "
     "rounding of both. uncertainty: Newton's tolerance, and rounding of coordinates.",
@@ -67,50 +66,69 @@ NOTES = {
 }
 
 
+def _swept(
+    base: Base,
+    what: str,
+    factors: Sequence[float],
+    variant: Callable[[float], Trial],
+    measured: Callable[[Trial, Solution], Row],
+) -> list[Row]:
+    """A row for each factor: what is measured of its variant, or why there is nothing."""
+    rows = []
+    for factor in factors:
+        trial = variant(factor)
+        if trial.work > MOST_WORK:
+            rows.append(base.row(f"not run: {trial.work:.1e} elements times steps", factor=factor))
+            continue
+        run = base.run(trial, f"{what}, {factor:g}")
+        found = measured(trial, run) if run.status.ok else {}
+        rows.append(base.row(str(run.status), factor=factor, **found))
+    return rows
+
+
+def _beyond(rows: Sequence[Row]) -> str:
+    """End of a sentence: the first factor that has no answer."""
+    bad = next((row for row in rows if row["status"] != "ok"), None)
+    return f"; {bad['factor']:g} times: {bad['status']}." if bad else "."
+
+
 def steps(base: Base) -> Part:
     """The largest stable explicit step, and how near to it a fixed step can go over the motion."""
-    trial = replace(base.trial, integrator=EXPLICIT, options=(("check_stability", False),))
-    limit = explicit_limit(base.case, trial.by_body, element=trial.element) / MARGIN
-    title = "Explicit steps near the stability limit"
+    plain = replace(base.trial, integrator=EXPLICIT, options=(("check_stability", False),))
+    limit = explicit_limit(base.case, plain.by_body, element=plain.element) / MARGIN
+    interval, title = base.case.interval, "Explicit steps near the stability limit"
     if isinf(limit):
         rows = [base.row("does not apply: nothing vibrates, or no explicit run")]
         text = f"{base.case.name}, explicit steps: {rows[0]['status']}."
         return part("stable_step", title, rows, NOTES["stable_step"], text)
-    rows = [_stepped(base, trial, fraction, limit) for fraction in FRACTIONS]
-    held = [row["of_limit"] for row in good(rows) if row["balance"] < 1.0]
-    lost = [row["of_limit"] for row in rows if row["of_limit"] not in held]
+
+    def measured(trial: Trial, run: Solution) -> Row:
+        error = float(apart(base.found.solution, run, base.case).max())
+        return {"stable_dt": limit, "dt": trial.dt, "error": error, "reference_error": base.found.error,
+                "balance": energy_error(run)}  # fmt: skip
+
+    def variant(factor: float) -> Trial:  # with a step that divides the interval of output
+        return replace(plain, dt=interval / max(ceil(interval / (factor * limit) - 0.5), 1))
+
+    rows = _swept(base, "explicit", FRACTIONS, variant, measured)
+    held = [row["factor"] for row in good(rows) if row["balance"] < 1.0]
+    lost = [row["factor"] for row in rows if row["factor"] not in held]
     text = f"{base.case.name}: the largest stable explicit step is {1e3 * limit:.3g} ms"
     text += f"; a fixed step of {max(held):.2f} of it holds over the motion" if held else ""
     text += f", one of {min(lost):.2f} does not" if lost else ""
     return part("stable_step", title, rows, NOTES["stable_step"], f"{text}.")
 
 
-def _stepped(base: Base, trial: Trial, fraction: float, limit: float) -> Row:
-    """A run by an explicit step near a fraction of the limit (s) that divides the interval of output."""
-    interval, found = base.case.interval, base.found
-    dt = interval / max(ceil(interval / (fraction * limit) - 0.5), 1)
-    about = {"stable_dt": limit, "reference": found.label, "reference_error": found.error, "dt": dt}
-    about["of_limit"] = dt / limit
-    trial = replace(trial, dt=dt)
-    if trial.work > MOST_WORK:
-        return base.row(f"not run: {trial.work:.1e} elements times steps", **about)
-    run = base.run(trial, f"explicit, {dt:.3g} s")
-    if not run.status.ok:
-        return base.row(str(run.status), **about)
-    error = float(apart(found.solution, run, base.case).max())
-    return base.row(**about, error=error, balance=energy_error(run))
-
-
 def elements(base: Base) -> Part:
     """The first steps on meshes four times finer each, and the difference to another solver."""
     name = base.case.name
     rows = list(_finer(base)) if base.case.scene.beams else [base.row("does not apply: no beam")]
-    complete, bad = good(rows), first_bad(rows)
+    complete, bad = good(rows), [row for row in rows if row["status"] != "ok"]
     if complete:
         known = [row["to_peer"] for row in complete if row["to_peer"] == row["to_peer"]]
         text = f"{name}: runs hold up to {max(row['dofs'] for row in complete)} coordinates"
         text += f"; {base.peer} differs by {max(known):.0e} at most" if known else ""
-        text += f"; beyond: {bad['status']}" if bad else ""
+        text += f"; beyond: {bad[0]['status']}" if bad else ""
     else:
         text = f"{name}, many elements: {rows[-1]['status']}"
     return part("many_elements", "Many elements", rows, NOTES["many_elements"], f"{text}.")
@@ -146,14 +164,7 @@ def _to_peer(base: Base, trial: Trial, run: Solution) -> float:
 
 
 def places(base: Base, growth: float) -> Part:
-    """The case far from the origin and in other units: only rounding may change the answer.
-
-    Parameters
-    ----------
-    base : Base
-    growth : float
-        Factor by which the motion makes a small disturbance larger.
-    """
+    """The case far from the origin and in other units: only rounding may change the answer."""
     plain, length = base.run(base.trial, "refined run"), base.case.scene.length
     away = {
         f"{far:.0e} lengths from the origin": Change(place=(far * length, 0.5 * far * length))
@@ -211,32 +222,26 @@ def _of_joints(plain: Solution, moved: Solution) -> float:
 
 def stiffness(base: Base) -> Part:
     """Stiffer and stiffer beams: the case must converge to rigid bars."""
-    name, rows = base.case.name, [base.row("does not apply: no beam")]
-    if base.case.scene.beams:
-        ones = (1,) * len(base.case.scene.beams)
+    name, case, rows = base.case.name, base.case, [base.row("does not apply: no beam")]
+    if case.scene.beams:
+        ones = (1,) * len(case.scene.beams)
         rigid = base.run(replace(base.trial, element="rigid", mesh=ones), "rigid bars")
+        size = size_of(paths(base.found.solution, case))
+
+        def measured(trial: Trial, run: Solution) -> Row:
+            difference = float(apart(rigid, run, case, size=size).max())
+            return {"difference": difference, "uncertainty": base.found.error}
+
         why = "the scene is a mechanism" if rigid.status.code == "singular" else str(rigid.status)
-        failed = [base.row(f"does not apply: with all beams rigid {why}")]
-        rows = list(_stiffer(base, rigid)) if rigid.status.ok else failed
+        rows = [base.row(f"does not apply: with all beams rigid {why}")]
+        if rigid.status.ok:
+            stiffer = lambda f: replace(base.trial, scene=_stiffened(case.scene, f))  # noqa: E731
+            rows = _swept(base, "stiffness", STIFFER[base.quick], stiffer, measured)
     known, text = good(rows), f"{name}, stiffness: {rows[0]['status']}."
     if known:
-        soft, stiff = (
-            f"{row['difference']:.1g} with {row['factor']:g} times its modulus" for row in (known[0], known[-1])
-        )  # fmt: skip
-        text = f"{name}, stiffness: the result differs from that of rigid bars by {soft}, and by {stiff}."
+        by = [f"{r['difference']:.1g} with {r['factor']:g} times its modulus" for r in (known[0], known[-1])]
+        text = f"{name}, stiffness: the result differs from that of rigid bars by {by[0]}, and by {by[1]}."
     return part("stiffness", "Stiffer and stiffer", rows, NOTES["stiffness"], text)
-
-
-def _stiffer(base: Base, rigid: Solution) -> Iterator[Row]:
-    size = size_of(paths(base.found.solution, base.case))
-    for factor in STIFFER[base.quick]:
-        stiff = replace(base.trial, scene=_stiffened(base.case.scene, factor))
-        run = base.run(stiff, f"{factor:g} times as stiff")
-        if not run.status.ok:
-            yield base.row(str(run.status), factor=factor)
-            continue
-        gap = float(apart(rigid, run, base.case, size=size).max())
-        yield base.row(factor=factor, difference=gap, uncertainty=base.found.error)
 
 
 def _stiffened(scene: Scene, factor: float) -> Scene:
@@ -248,49 +253,40 @@ def _stiffened(scene: Scene, factor: float) -> Scene:
 
 def loads(base: Base) -> Part:
     """Larger and larger loads on the same mesh and by the same step."""
-    rows = []
-    for factor in LOADS[base.quick]:
-        loaded = replace(base.trial, scene=_loaded(base.case.scene, factor))
-        run = base.run(loaded, f"{factor:g} times the load")
-        size = size_of(paths(run, base.case)) if run.status.ok else nan
-        rows.append(base.row(str(run.status), factor=factor, largest=size))
-    held, bad = [row["factor"] for row in good(rows)], first_bad(rows)
-    text = f"{base.case.name}: runs hold up to {max(held, default=0.0):g} times the loads"
-    text += f"; {bad['factor']:g} times: {bad['status']}" if bad else ""
-    return part("loads", "Larger and larger loads", rows, NOTES["loads"], f"{text}.")
+
+    def variant(factor: float) -> Trial:
+        return replace(base.trial, scene=_loaded(base.case.scene, factor))
+
+    def measured(trial: Trial, run: Solution) -> Row:
+        return {"largest": size_of(paths(run, base.case))}
+
+    rows = _swept(base, "loads", LOADS[base.quick], variant, measured)
+    held = max((row["factor"] for row in good(rows)), default=0.0)
+    text = f"{base.case.name}: runs hold up to {held:g} times the loads{_beyond(rows)}"
+    return part("loads", "Larger and larger loads", rows, NOTES["loads"], text)
 
 
 def _loaded(scene: Scene, factor: float) -> Scene:
     def times(value: Any) -> Any:
         if callable(value):
             return Changed(value, times)
-        return tuple(times(x) for x in value) if isinstance(value, tuple) else factor * np.asarray(value)
+        return tuple(map(times, value)) if isinstance(value, tuple | list) else factor * value
 
-    scaled = (replace(load, value=_plain(times(load.value))) for load in scene.loads)
+    scaled = (replace(load, value=times(load.value)) for load in scene.loads)
     return replace(scene, loads=tuple(scaled), gravity=tuple(factor * g for g in scene.gravity))
-
-
-def _plain(value: Any) -> Any:
-    """Numbers of a constant load as floats."""
-    if callable(value):
-        return value
-    return tuple(map(float, value)) if isinstance(value, tuple) else float(value)
 
 
 def time(base: Base) -> Part:
     """Longer and longer motions by the same step: drift of the energy."""
-    rows = []
-    for factor in LONGER[base.quick]:
-        trial = replace(base.trial, t_end=factor * base.case.duration, output_dt=factor * base.case.interval)
-        about = {"factor": factor, "t_end": trial.t_end, "steps": factor * base.steps}
-        if trial.work > MOST_WORK:
-            rows.append(base.row(f"not run: {trial.work:.1e} elements times steps", **about))
-            continue
-        run = base.run(trial, f"{factor} times as long")
-        balance = energy_error(run) if run.status.ok else nan
-        rows.append(base.row(str(run.status), **about, balance=balance))
+    case = base.case
+
+    def variant(factor: float) -> Trial:
+        return replace(base.trial, t_end=factor * case.duration, output_dt=factor * case.interval)
+
+    def measured(trial: Trial, run: Solution) -> Row:
+        return {"t_end": trial.t_end, "steps": run.cost.steps, "balance": energy_error(run)}
+
+    rows = _swept(base, "time", LONGER[base.quick], variant, measured)
     last = (good(rows) or [{"steps": 0, "balance": nan}])[-1]
-    text = f"{base.case.name}: over {last['steps']} steps the energy error is {last['balance']:.1g} of the kinetic one"
-    bad = first_bad(rows)
-    text += f"; {bad['factor']} times as long: {bad['status']}" if bad else ""
-    return part("time", "Longer and longer motions", rows, NOTES["time"], f"{text}.")
+    text = f"{case.name}: over {last['steps']} steps the energy error is {last['balance']:.1g} of the kinetic one"
+    return part("time", "Longer and longer motions", rows, NOTES["time"], text + _beyond(rows))

@@ -98,15 +98,13 @@ def picture(names: Mapping[str, Any], found: Solution) -> Figure:
 def _positions(axes: Axes, found: Solution, probe: Any) -> None:
     """Bodies at several outputs, supports, and the path of a probe."""
     outputs = np.unique(np.linspace(0, len(found.t) - 1, SHOWN).round().astype(int))
-    for number, (k, shade) in enumerate(zip(outputs, FADE(np.linspace(0.0, 1.0, len(outputs))), strict=True)):
+    for k, shade in zip(outputs, FADE(np.linspace(0.0, 1.0, len(outputs))), strict=True):
         for shape in shapes_of(found):
             if shape.name or k == outputs[-1]:  # connectors at the end only
-                look = {"color": shade, "zorder": 2 + 0.1 * number, **LOOKS[shape.kind]}
-                axes.plot(*shape.points[k].T, **look)
+                axes.plot(*shape.points[k].T, **{"color": shade, **LOOKS[shape.kind]})
     for support in supports_of(found.scene):
         axes.plot(*support.position, MARKS[support.kind], color="#3a3a40", ms=5, zorder=4)
     path = found.position(probe)
     axes.plot(*path[:: max(1, len(path) // SAMPLES)].T, color="#d55e00", lw=1.0, ls=(0, (4, 2)), zorder=3)
     axes.set(xlabel="x (m)", ylabel="y (m)")
-    axes.margins(0.06)
     axes.set_aspect("equal", adjustable="datalim")

@@ -40,18 +40,7 @@ def label(column: str) -> str:
 def page(
     results: Sequence[Result], names: Sequence[str], quick: bool, words: tuple[str | None, str | None]
 ) -> str:
-    """HTML with everything inside.
-
-    Parameters
-    ----------
-    results : sequence of Result
-        One a study.
-    names : sequence of str
-        Of the cases.
-    quick : bool
-    words : (str or None, str or None)
-        A file and a case as they were typed; None for the built-in scenes.
-    """
+    """HTML with everything inside."""
     file, case = words
     title = "Accuracy and cost of planar flexible multibody solvers" if file is None else ", ".join(names)
     command = ["anctmm", "report", *([file] if file else []), *(["--case", case] if case else [])]

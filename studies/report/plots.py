@@ -35,22 +35,17 @@ STYLE: Any = {
 def picture(
     name: str, caption: str, draw: Callable[[Figure], None], size: tuple[float, float] = (7.0, 3.6)
 ) -> Picture:
-    """Draw on a new figure and return it as SVG.
-
-    Parameters
-    ----------
-    name : str
-        Also the salt of the ids inside, so that two pictures on one page share none.
-    caption : str
-    draw : callable
-        Draws on the figure it is given.
-    size : (float, float)
-        inch.
-    """
-    with mpl.rc_context(STYLE | {"svg.hashsalt": name}):
+    """Draw on a new figure of a size, inch, and return it as SVG."""
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=size)
         draw(figure)
-        stream = io.StringIO()
+        return as_picture(name, caption, figure)
+
+
+def as_picture(name: str, caption: str, figure: Figure) -> Picture:
+    """A figure as SVG; the name is also the salt of the ids inside, so that two pictures on one page share none."""
+    stream = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", metadata={"Date": None})
     # matplotlib leaves blanks at line ends, which every version control tool complains about
     return Picture(name, caption, re.sub(r"[ \t]+$", "", stream.getvalue(), flags=re.MULTILINE))

@@ -86,16 +86,7 @@ def write_study(done: Done, out: Path) -> Path:
 def write_report(
     done: Sequence[Done], folder: Path, quick: bool, words: tuple[str | None, str | None]
 ) -> None:
-    """Write `<folder>/index.html`, and the tables of each study, of all cases together, beside it.
-
-    Parameters
-    ----------
-    done : sequence of Done
-    folder : Path
-    quick : bool
-    words : (str or None, str or None)
-        The file and the case as they were typed.
-    """
+    """Write `<folder>/index.html`, and the tables of each study, of all cases together, beside it."""
     names = dict.fromkeys(d.result.name for d in done)
     joined = [join([d.result for d in done if d.result.name == name]) for name in names]
     for result in joined:

@@ -22,14 +22,12 @@ from anctmm.results.solution import Solution
 from studies.engine.files import file_name
 from studies.engine.fronts import reaching
 from studies.engine.identity import identity
-from studies.engine.runner import Runner
 from studies.engine.study import Options, Result
 from studies.engine.tables import milliseconds, rich_table, say, show_table
 from studies.engine.timing import least
 from studies.engine.trials import NO_BEAMS, Trial, mesh_label
-from studies.trade import study
 from studies.trade.settings import same_continuum
-from studies.trade.tables import parts_text, setting_of, stepping
+from studies.trade.tables import SETTING, parts_text, setting_of, stepping
 
 #: The trade of the built-in scenes that ships with the package.
 KEPT = Path(__file__).parent / "kept"
@@ -37,14 +35,22 @@ KEPT = Path(__file__).parent / "kept"
 REPEATS = 3
 #: Factor by which a rerun without a target may differ from the table's error: it is the same computation.
 SAME = 1.01
-NEEDED = {
-    "front": (
-        "scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance",
-        "error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s", "status", "own", "asked",
+#: Columns of the points, the histories and the references.
+NEEDED = (
+    (
+        "scene",
+        *SETTING,
+        "error",
+        "mesh_error",
+        "step_error",
+        "reference_error",
+        "error_bound",
+        "cpu_s",
+        "status",
     ),
-    "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
-    "references": ("scene", "element", "from_cable", "case"),
-}  # fmt: skip
+    ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
+    ("scene", "element", "from_cable", "case"),
+)
 
 
 class RecommendError(AnctmmError, ValueError):
@@ -63,24 +69,12 @@ class Measured:
 
 @dataclass(frozen=True)
 class Choice:
-    """A recommended setting.
+    """A recommended setting."""
 
-    Parameters
-    ----------
-    line : mapping
-        Row of the points.
-    runners_up : DataFrame
-        The cheapest of other kinds, with their cost over the chosen one's, "ratio".
-    reached : bool
-        Whether the target error is met.
-    remarks : tuple of str
-        Why it is not met.
-    """
-
-    line: Mapping[Any, Any]
-    runners_up: pd.DataFrame
+    line: Mapping[Any, Any]  # row of the points
+    runners_up: pd.DataFrame  # the cheapest of other kinds, with their cost over the chosen one's, "ratio"
     reached: bool
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # why the target error is not met
 
 
 @dataclass(frozen=True)
@@ -124,42 +118,36 @@ def read(folder: Path) -> Measured:
     RecommendError
         If a table is missing, cannot be read, or is another one.
     """
-    frames = {}
-    for name, needed in NEEDED.items():
+    frames = []
+    points = "points" if (folder / "points.csv").is_file() else "front"
+    for name, needed in zip((points, "histories", "references"), NEEDED, strict=True):
         path = folder / f"{name}.csv"
-        if name == "front" and (folder / "points.csv").is_file():
-            path = folder / "points.csv"
         try:
-            frames[name] = pd.read_csv(path, dtype={"elements": str, "own": str})
+            frame = pd.read_csv(path, dtype={"elements": str, "own": str})
         except (OSError, ValueError, OverflowError) as error:
             raise RecommendError(
                 f"table {path} cannot be read ({error}); `anctmm study trade` writes it"
             ) from None
-        if missing := [c for c in needed if c not in frames[name].columns]:
+        if missing := [column for column in needed if column not in frame.columns]:
             raise RecommendError(
                 f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
             )
-    return Measured(frames["front"], frames["histories"], frames["references"], str(folder))
+        frames.append(frame)
+    return Measured(*frames, origin=str(folder))
 
 
 def of_result(result: Result) -> Measured:
-    """The tables of a trade that was measured just now."""
-    frames = [result.table(name).frame for name in ("points", "histories", "references")]
-    return Measured(*frames, origin="measured now")
-
-
-def measured_now(case: Case, options: Options, runner: Runner) -> Measured:
-    """The trade of a case, measured now.
+    """The tables of a trade that was measured just now.
 
     Raises
     ------
     RecommendError
         If all of its runs are refused or fail.
     """
-    result = study.run(options, runner)
     if not result.good:
-        raise RecommendError(f"scene {case.name!r} has no setting with an error: {' '.join(result.findings)}")
-    return of_result(result)
+        raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
+    frames = [result.table(name).frame for name in ("points", "histories", "references")]
+    return Measured(*frames, origin="measured now")
 
 
 def _is_of(measured: Measured, case: Case) -> bool:
@@ -230,15 +218,6 @@ def models_apart(measured: Measured, scene: str, error: float | None) -> str:
 def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) -> Choice:
     """The cheapest setting whose error bound meets a target, or the one with the smallest bound within a budget.
 
-    Parameters
-    ----------
-    points : DataFrame
-        Of one scene, see `narrowed`.
-    error : float, optional
-        Target.
-    budget_s : float, optional
-        CPU time of the steps, s.
-
     Raises
     ------
     RecommendError
@@ -300,15 +279,7 @@ def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
 
 
 def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
-    """A script that runs a row of the points and leaves `solution`.
-
-    Parameters
-    ----------
-    line : mapping
-    case : Case
-    given : str
-        The file of the case, or the name of a built-in scene.
-    """
+    """A script that runs a row of the points and leaves `solution`."""
     trial = trial_of(line, case)
     own = "".join(f", {name}={value!r}" for name, value in trial.own)
     return "\n".join([
@@ -330,7 +301,7 @@ def _arguments(run: Discretisation) -> str:
     plain = Discretisation()
     names = ["mesh", "element", "quadrature", "integrator", "t_end", "output_dt", "newton_tolerance"]
     names.append("dt" if run.tolerance is None else "tolerance")
-    given = {n: getattr(run, n) for n in names if n == "element" or getattr(run, n) != getattr(plain, n)}
+    given = {n: getattr(run, n) for n in names if n in ("element", "dt") or getattr(run, n) != getattr(plain, n)}
     return ", ".join(f"{n}={dict(v) if isinstance(v, dict) else v!r}" for n, v in given.items())
 
 

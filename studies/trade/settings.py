@@ -3,12 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isinf, nan
-from typing import TypeVar
 
 import pandas as pd
 
 from anctmm.elements.kinds import KINDS, QUADRATURES
-from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.needs import features_of
 from anctmm.solvers import registry
@@ -25,37 +23,22 @@ TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 SMALLEST = {False: 1e-5, True: 1e-3}
 #: Part of the smallest target error that a reference may be uncertain by.
 SHARE = 0.3
-#: Errors in target errors: of levels too coarse for the largest, and fine enough for the smallest; levels at least.
-COARSE, FINE, FEWEST = 4.0, 0.1, 3
-#: Steps at most; doublings of the mesh in addition for a solver whose own element is of lower order.
-MOST_STEPS, MORE_MESHES = 5, 2
+#: Levels of mesh and of step of a quick run beside the finest, every second one; steps at most; doublings of the mesh
+#: in addition for a solver whose own element is of lower order.
+FEWEST, MOST_STEPS, MORE_MESHES = 2, 5, 2
 #: Tolerances of the error-controlled steps; of a quick run.
 TOLERANCES = {False: (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), True: (1e-2, 1e-3, 1e-4)}
-
-Level = TypeVar("Level")
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Meshes, steps, references and targets of a case.
-
-    Parameters
-    ----------
-    case : Case
-    meshes : mapping of element to tuple of Mesh
-        From coarse to fine.
-    steps : tuple of float
-        From long to short, s.
-    references : mapping of element to Refined
-    targets : tuple of float
-        From the largest to the smallest.
-    """
+    """Meshes, steps, references and targets of a case."""
 
     case: Case
-    meshes: Mapping[str, tuple[Mesh, ...]]
-    steps: tuple[float, ...]
-    references: Mapping[str, Refined]
-    targets: tuple[float, ...]
+    meshes: Mapping[str, tuple[Mesh, ...]]  # by element, from coarse to fine
+    steps: tuple[float, ...]  # from long to short, s
+    references: Mapping[str, Refined]  # by element
+    targets: tuple[float, ...]  # from the largest to the smallest
 
     def reference_of(self, element: str) -> Refined:
         """The reference of an element, or of another one with the same continuum."""
@@ -84,13 +67,13 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
         for e in _models(case, options)
     }
     _check_moves(case, list(found.values()))
-    meshes = {e: options.meshes or _meshes(run, targets, options.quick) for e, run in found.items()}
+    meshes = {e: options.meshes or _meshes(run, options.quick) for e, run in found.items()}
     if "cable" in meshes and not options.quick and case.scene.beams:  # of high order: coarser meshes suffice
         meshes["quintic"] = options.meshes or meshes["cable"][: (len(meshes["cable"]) + 1) // 2]
     first = next(iter(found.values()))
     return Levels(
         case, {e: those for e, those in meshes.items() if options.element in (None, e)},
-        options.steps or _steps(first, targets, options.quick), found, targets,
+        options.steps or _steps(first, options.quick), found, targets,
     )  # fmt: skip
 
 
@@ -110,51 +93,25 @@ def _check_moves(case: Case, found: Sequence[Refined]) -> None:
         )
 
 
-def _meshes(run: Refined, targets: Sequence[float], quick: bool) -> tuple[Mesh, ...]:
+def _meshes(run: Refined, quick: bool) -> tuple[Mesh, ...]:
     """Meshes of the levels up to that of a reference, and those halfway between them."""
     if not run.known:
         return (run.levels.mesh_at(0),)
     levels = [run.levels.mesh_at(i) for i in range(run.i + 1)]
     if quick:
-        return worth_trying(levels, run.mesh.error, run.levels.setup.mesh_order, targets)
+        return tuple(levels[::-2][FEWEST::-1])
     between = [halfway(run.levels.case, mesh) for mesh in levels[:-1]] if run.levels.chooses_mesh else []
     return tuple(sorted({*levels, *filter(None, between)}, key=sum))
 
 
-def _steps(run: Refined, targets: Sequence[float], quick: bool) -> tuple[float, ...]:
+def _steps(run: Refined, quick: bool) -> tuple[float, ...]:
     """Steps of the levels down to that of a reference, and those of two thirds, as whole parts of the output."""
     levels = [run.levels.dt_at(run.i, j) for j in range(run.j + 1)]
     if quick:
-        return worth_trying(levels, run.step.error, run.levels.setup.step_order, targets)
+        return tuple(levels[::-2][FEWEST::-1])
     counts = [round(run.levels.case.interval / dt) for dt in levels[-MOST_STEPS:]]
     counts += [3 * n // 2 for n in counts if n % 2 == 0]
     return tuple(run.levels.case.interval / n for n in sorted(counts))
-
-
-def worth_trying(
-    levels: Sequence[Level], finest: float, order: float, targets: Sequence[float]
-) -> tuple[Level, ...]:
-    """Levels whose own error is near target errors, from coarse to fine, each half of the one before.
-
-    Left out are those that are too coarse for the largest target, and those that are finer than one that is good enough
-    for the smallest.
-
-    Parameters
-    ----------
-    levels : sequence
-        Meshes or steps.
-    finest : float
-        Error of the last of them.
-    order : float
-        By which errors fall.
-    targets : sequence of float
-    """
-    errors = [finest * 2.0 ** (order * k) for k in reversed(range(len(levels)))]
-    end = len(levels) - 1
-    first = next((k for k, error in enumerate(errors) if error <= COARSE * max(targets)), end)
-    last = next((k for k, error in enumerate(errors) if error <= FINE * min(targets)), end)
-    first = max(0, min(first, last - FEWEST + 1))
-    return tuple(levels[first : max(last, min(first + FEWEST - 1, end)) + 1])
 
 
 # --- the grid ------------------------------------------------------------------------------------------------
@@ -193,13 +150,8 @@ def not_timed(case: Case, options: Options) -> Iterator[tuple[str, str]]:
     for solver in () if options.solvers else registry.names():
         if slow := sorted(set(features_of(case.scene)) & offer_of(solver).slow_with):
             things = ", ".join(f.replace("-", " ") for f in slow)
-            yield (
-                solver,
-                (
-                    f"{solver} is not timed: its model has {things} for verification and not for speed (as by Python "
-                    f"callbacks in each step); --solvers {solver} times it all the same."
-                ),
-            )
+            why = f"its model has {things} for verification and not for speed (as by Python callbacks in each step)"
+            yield solver, f"{solver} is not timed: {why}; --solvers {solver} times it all the same."
 
 
 def _families(solver: str, element: str, case: Case, options: Options) -> Iterator[tuple[Trial, bool]]:
@@ -231,10 +183,7 @@ def _choices(solver: str, integrator: str, quick: bool) -> Iterator[tuple[Given,
 
 def choices_of(solver: str) -> list[Given]:
     """Options of each choice of a solver's implicit runs, the one with the tightest bounds first."""
-    try:
-        return [tuple(choice.items()) for choice in registry.offer_of(registry.load(solver)).choices]
-    except AnctmmError:  # a solver that cannot be loaded: its rows say why
-        return [()]
+    return [tuple(choice.items()) for choice in offer_of(solver).choices]
 
 
 def _settings(levels: Levels, family: Trial, tightest: bool, quick: bool) -> Iterator[tuple[object, ...]]:

@@ -15,14 +15,8 @@ def known(s):
     unit = np.sqrt(steel.E * section.second_moment / (steel.density * section.area))
     lag = at.modes(scene, mesh=24, count=1, spin=5 * unit).frequencies[0]
     flap = np.hypot(2 * np.pi * lag / unit, 5)
-    return (
-        "flap frequency at speed 5, both without unit",
-        flap,
-        6.4495,
-        2e-4,
-        "",
-        "Wright et al. 1982, J. Appl. Mech. 49",
-    )
+    what = "flap frequency at speed 5, both without unit"
+    return what, flap, 6.4495, 2e-4, "", "Wright et al. 1982, J. Appl. Mech. 49"
 
 
 def curves(s):

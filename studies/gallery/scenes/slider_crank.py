@@ -31,14 +31,8 @@ def known(s):
     top = START / 2 + 6 * np.pi / SPEED  # the third time that the crank points to the piston
     force = -np.interp(top, s.t, s.reaction(pin)[:, 0])
     rigid = MASS * CRANK * SPEED**2 * (1 + CRANK / ROD)
-    return (
-        "pull of the rod at the dead centre",
-        force,
-        rigid,
-        0.02 * rigid,
-        "N",
-        "m r ω² (1 + r/l), rigid bars",
-    )
+    what = "pull of the rod at the dead centre"
+    return what, force, rigid, 0.02 * rigid, "N", "m r ω² (1 + r/l), rigid bars"
 
 
 def curves(s):

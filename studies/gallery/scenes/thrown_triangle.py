@@ -36,9 +36,5 @@ def known(s):
 
 
 def curves(s):
-    return (
-        "t (s)",
-        s.t,
-        "height (m)",
-        {"centre of mass": height(s), "corner": s.position("bottom.start")[:, 1]},
-    )
+    what = "t (s)"
+    return what, s.t, "height (m)", {"centre of mass": height(s), "corner": s.position("bottom.start")[:, 1]}

@@ -14,7 +14,7 @@ from studies.engine.refinement import Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError
 from studies.trade import recommend
-from studies.trade.settings import not_timed, worth_trying
+from studies.trade.settings import not_timed
 from studies.trade.study import run
 from studies.trade.tables import at_equal_error, recommended
 
@@ -102,11 +102,6 @@ def test_solvers_with_features_for_verification_are_not_timed():
     late = dict(not_timed(case, Options()))
     assert "sliders" in late["global-dae"]
     assert not list(not_timed(case, Options(solvers=("global-dae",))))
-
-
-def test_levels_far_from_all_targets_are_left_out():
-    assert worth_trying(range(6), 1e-6, 2.0, (1e-2, 1e-3)) == (0, 1, 2)
-    assert worth_trying(range(8), 1e-7, 2.0, (1e-4,)) == (2, 3, 4)
 
 
 # --- pure functions on made-up points ---------------------------------------------------------------------------
