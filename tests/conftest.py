@@ -29,7 +29,7 @@ SLOW = {
     "of_reference": ["agreement", "dae", "exact_mechanisms", "global_dae", "junctions", "motor_law",
                      "quintic_against_dae", "random_scenes", "slider_crank"],
     "peers": ["exudyn", "exudyn_mechanisms", "peer_opensees", "peer_pyelastica"],
-    "questions": ["gallery", "questions", "trade"],
+    "questions": ["gallery", "question_new_solver", "questions", "trade"],
     "results": ["dissipated", "pictures"],
     "statics": ["arc_length", "equilibrium_stability", "turns_of_equilibria"],
 }  # fmt: skip
