@@ -100,7 +100,8 @@ class Modes:
             return beam_field(kind_of(self.run.of(self.scene)[name][1]), body, q)
         if isinstance(body, PointMass):
             return field_of(MassMesh(body), q[None], None)
-        return RigidField(q[:, 0], {key: body.arm(key) for key in body.points})
+        arms: Any = {key: body.arm(key) for key in body.points}
+        return RigidField(q[:, 0], arms)
 
     def motion(self, mode: int = 1, amplitude: float | None = None) -> Solution:
         """One period of a mode, as a solution: to be animated, drawn or written.

@@ -81,13 +81,3 @@ def test_a_rope_beside_it_does_not_hide_the_flutter_of_a_column(load, damping, g
         own = at.modes(alone, mesh=16, about=at.solve_static(alone, mesh=16))
         assert found.growth_rates[0] == pytest.approx(own.growth_rates[0], rel=1e-5)
         assert found.growth_rates[0] == pytest.approx(growth, rel=1e-4)
-
-
-def test_guides_that_repeat_each_other_hide_no_mode():
-    body = at.RigidBody("s", 2.0, 0.1, (0.0, 0.0), {"a": (-1.0, 0.0), "b": (1.0, 0.0), "c": (0.0, 0.0)})
-    for guides in (["s.a", "s.b"], ["s.a", "s.b", "s.c"]):
-        scene = at.Scene(
-            "slide", [body], [at.Slider(place) for place in guides],
-            connectors=[at.Spring("s.a", (-3.0, 0.0), stiffness=50.0)],
-        )  # fmt: skip
-        np.testing.assert_allclose(2.0 * pi * at.modes(scene).frequencies, [5.0], rtol=1e-9)

@@ -23,13 +23,6 @@ def bar(name, start, end, material=STEEL):
     return at.Beam(name, start, end, THIN, material)
 
 
-def pendulum(**body):
-    """A rigid body that swings about a pin."""
-    fields = {"mass": 2.0, "inertia": 0.05, "center": (0.0, -0.4), "points": {"pin": (0.0, 0.0)}}
-    hanging = at.RigidBody("bob", **(fields | body))
-    return at.Scene("pendulum", [hanging], [at.Pin("bob.pin")], gravity=(0, -G))
-
-
 def slide(mass, place=(1.0, 0.0), direction=(1, 0)):
     """A point mass on a line."""
     return at.PointMass("mass", mass=mass, position=place), at.Slider("mass.center", direction)
@@ -80,13 +73,6 @@ def test_a_run_that_has_failed_has_no_modes():
 
 def thicker(angle, rate, t):
     return 5.0 * angle + 0.05 * angle * rate
-
-
-def test_an_upright_pendulum_leaves():
-    scene = pendulum(center=(0.0, 0.4))
-    found = at.modes(scene, about=at.solve_static(scene))
-    assert found.frequencies[0] == 0.0
-    assert found.damping[0] == -1.0
 
 
 def test_a_rigid_beam_on_a_rotational_spring():
