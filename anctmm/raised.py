@@ -55,13 +55,13 @@ def line_of(error: BaseException) -> Line | None:
     """
     for raised in _causes(error):
         linecache.checkcache()  # files may have been changed
-        passed = [(frame.filename, frame.lineno, frame.line) for frame in extract_tb(raised.__traceback__)]
+        passed = [(f.filename, f.lineno, f.line or "") for f in extract_tb(raised.__traceback__)]
         if isinstance(raised, SyntaxError) and raised.filename and raised.lineno:
             text = linecache.getline(raised.filename, raised.lineno).strip()
             passed.append((raised.filename, raised.lineno, text))
         for file, number, text in reversed(passed):
             if _is_users(file) and number is not None:
-                return Line(file, number, _shortened(text or ""))
+                return Line(file, number, _shortened(text))
     return None
 
 

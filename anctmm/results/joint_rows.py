@@ -70,11 +70,8 @@ class RowPlace:
 class Row:
     """One equation of a joint, of one or two components, at n outputs.
 
-    Parameters
-    ----------
-    value : ndarray, shape (n, rows)
-    slopes : mapping of int to ndarray, shape (n, rows, 2)
-        Derivatives by the vectors of the joint's places: place · SLOTS + 0 for the position, and so on.
+    Its value, (n, rows), and its derivatives, each (n, rows, 2), by the vectors of the joint's places: that of number
+    place · SLOTS is the position, and so on.
     """
 
     value: Array

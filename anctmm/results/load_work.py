@@ -17,19 +17,11 @@ POINTS = 4
 
 
 def with_load_work(found: Solution) -> Solution:
-    """Equilibria with the work of what acts beside constant forces, whose potential they have.
+    """Equilibria of any solver with the work of what acts beside constant forces, whose potential they have.
 
-    Parameters
-    ----------
-    found : Solution
-        Of statics, by any solver that has fields of all bodies.
-
-    Returns
-    -------
-    Solution
-        Its `energy.work` is that of the whole loads, as its `energy.potential` is: moments times angles, forces that
-        vary in time times displacements. Forces that turn with their place, and laws, have no work that the equilibrium
-        alone tells: it is NaN at all but the first.
+    It is that of the whole loads, as `energy.potential` is: moments times angles, forces that vary in time times
+    displacements. Forces that turn with their place, and laws, have no work that the equilibrium alone tells: it is NaN
+    at all but the first.
     """
     scene, work = found.scene, np.zeros(len(found.t))
     follows = any(isinstance(load, Force) and load.follower for load in scene.loads)

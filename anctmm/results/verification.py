@@ -12,17 +12,10 @@ TOLERANCE, STEP = 0.1, 0.5
 
 
 def verified(solve: Callable[[Discretisation], Solution], solution: Solution) -> Solution:
-    """A solution with the error of time stepping: its difference to a finer run.
+    """A solution with the error of time stepping: its difference to that of a finer run, which `solve` gives.
 
     With a tolerance that has more outputs, too, as steps end there. Of a fixed step by Richardson's extrapolation: at
     order p the finer run has 2⁻ᵖ of the error.
-
-    Parameters
-    ----------
-    solve : callable
-        Discretisation → solution of the same scene.
-    solution : Solution
-        By that with its own discretisation.
     """
     run, factor = solution.run, 1.0
     assert run is not None  # every run of ANC-TMM has one

@@ -26,18 +26,7 @@ Array = NDArray[np.float64]
 
 
 class WholeTurns:
-    """Angles since the undeformed scene at the outputs of a solution, whole turns included.
-
-    Parameters
-    ----------
-    scene : Scene
-    fields : mapping of str to Field
-        Motion of each body.
-    t : ndarray, shape (n,)
-        s; load factors of a static one.
-    static : bool
-        Whether it is one: drives do not move.
-    """
+    """Angles since the undeformed scene at the outputs of a solution; drives of a static one do not move."""
 
     def __init__(self, scene: Any, fields: Mapping[str, Field], t: Array, static: bool = False) -> None:
         self.scene, self.fields, self.t, self.static = scene, fields, t, static

@@ -12,7 +12,7 @@ import numpy as np
 
 from anctmm.results.checks.breaks import break_findings
 from anctmm.results.checks.constraints import constraint_findings
-from anctmm.results.checks.drives import drive_findings, with_drives
+from anctmm.results.checks.drives import drive_findings
 from anctmm.results.checks.energy import energy_findings
 from anctmm.results.checks.finding import FATAL, Finding
 from anctmm.results.checks.precision import precision_findings
@@ -37,6 +37,9 @@ def checked(
 ) -> Solution:
     """The solution as far as nothing speaks against it, its status saying what does.
 
+    It is cut before the first output that no run of the scene could have, with the status "diverged" or "failed", or
+    whole with the status "inaccurate" or "imprecise".
+
     Parameters
     ----------
     solution : Solution
@@ -47,18 +50,7 @@ def checked(
         Whether energies are exact enough to tell whether a run has made some.
     rests : bool
         Whether the scene begins in a stable equilibrium and so does not move.
-
-    Returns
-    -------
-    Solution
-        The same; or a shorter one, cut before the first output that no run of the scene could have, with the status
-        "diverged" or "failed"; or a whole one with the status "inaccurate" or "imprecise".
     """
-    found = _checked(solution, static, energies, rests)
-    return found if static else with_drives(found)
-
-
-def _checked(solution: Solution, static: bool, energies: bool, rests: bool) -> Solution:
     motion = not static and solution.status.ok and solution.t.size > 0
     if not static and not solution.status.ok and solution.run is not None and solution.run.explicit:
         return solution  # an unstable step shows in all checks; its solver knows it best

@@ -5,7 +5,7 @@ start from the others. If they are no derivatives, all of this is wrong, and no 
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from anctmm.model.connectors import Spring, free_name, name_of
 from anctmm.model.drives import Quintic, tabulate
 from anctmm.model.joints import drive_of
 from anctmm.model.scene import Scene
-from anctmm.results.checks.finding import FATAL, Finding
+from anctmm.results.checks.finding import Finding
 from anctmm.results.checks.scales import EPS
 from anctmm.results.solution import Solution
 
@@ -31,23 +31,12 @@ ROUNDING = 8.0 * EPS
 #: Intervals of a run that are searched for a jump, and halvings that find it; part of what a drive moves from which on
 #: it counts.
 INTERVALS, HALVINGS, COUNTS = 64, 20, 0.05
-#: Part of a run within which after its failure a drive may be the cause: a step that failed ends there.
-MARGIN = 1e-3
 #: What derivatives are called, by the order of what they are derivatives of.
 NAMES = ("rate", "acceleration")
 
 
 class Drive(NamedTuple):
-    """A drive of a joint, or the free length or angle of a connector.
-
-    Parameters
-    ----------
-    name : str
-    history : callable
-    width : int
-        Numbers that it gives.
-    unit : str
-    """
+    """A drive of a joint, or the free length or angle of a connector, which gives `width` numbers."""
 
     name: str
     history: Callable[[Any], Any]
@@ -74,33 +63,14 @@ def drive_findings(solution: Solution) -> Iterator[Finding]:
     """Drives whose rate or acceleration is another one, at most of the times at which they move, or which jump."""
     if solution.run is None:
         return
-    for t, message in _faults(solution.scene, solution.run.t_end):
-        yield Finding(min(int(np.searchsorted(solution.t, t)), solution.t.size - 1), "inaccurate", message)
-
-
-def with_drives(solution: Solution) -> Solution:
-    """A run that has failed, whose status names the drives that jump, or whose derivatives are wrong, until then."""
-    status, run = solution.status, solution.run
-    if status.code not in FATAL or status.time is None or run is None:
-        return solution
-    end = min(status.time + MARGIN * run.t_end, run.t_end)
-    causes = [message for _, message in _faults(solution.scene, end)]
-    return replace(solution, status=replace(status, message="; ".join([status.message, *causes])))
-
-
-def _faults(scene: Scene, end: float) -> Iterator[tuple[float, str]]:
-    """Drives that are wrong until a time, s: when, and the message."""
-    for drive in drives_of(scene):
+    for drive in drives_of(solution.scene):
         if type(drive.history) is Quintic:
             continue
-        for look in (_wrong, _jump):
-            try:
-                found = look(drive, end)
-            except PropertyError:  # a history that knows the times of steps alone
-                continue
+        with suppress(PropertyError):  # of a history that knows the times of steps alone
+            found = _wrong(drive, solution.run.t_end) or _jump(drive, solution.run.t_end)
             if found is not None:
-                yield found
-                break
+                output = min(int(np.searchsorted(solution.t, found[0])), solution.t.size - 1)
+                yield Finding(output, "inaccurate", found[1])
 
 
 def _wrong(drive: Drive, end: float) -> tuple[float, str] | None:

@@ -12,19 +12,10 @@ FATAL = ("diverged", "failed")
 
 
 class Finding(NamedTuple):
-    """What speaks against a run.
+    """What speaks against a run, from the number of an output on.
 
-    Parameters
-    ----------
-    output : int
-        Number of the first output concerned.
-    code : str
-        Of the status: "diverged" and "failed" cut the history before the output; "inaccurate" and "imprecise" leave
-        it whole.
-    message : str
-        Why, and what to try; "{when}" stands for the time.
-    body : str, optional
-    element : int, optional
+    The code is that of the status: "diverged" and "failed" cut the history before the output; "inaccurate" and
+    "imprecise" leave it whole. The message says why, and what to try; "{when}" stands for the time.
     """
 
     output: int

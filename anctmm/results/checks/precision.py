@@ -32,11 +32,7 @@ EXPLICIT, IMPLICIT = 0.5, 2.0
 def precision_findings(solution: Solution, rests: bool = False) -> Iterator[Finding]:
     """What rounding says against a run that is whole.
 
-    Parameters
-    ----------
-    solution : Solution
-    rests : bool
-        Whether nothing moves, so that displacements are rounding: this is compared with the length of all bodies.
+    If it rests, displacements are rounding: this is compared with the length of all bodies.
     """
     run, scene = solution.run, solution.scene
     if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):

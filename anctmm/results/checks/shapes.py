@@ -26,22 +26,11 @@ BATCH = 20_000
 
 
 def inside_out(q: Array, length: float) -> Mask:
-    """Whether elements are turned inside out.
+    """Whether elements of a length, m, are turned inside out, (…, nodes − 1), from q, (…, nodes, 2 or 3, 2).
 
     An element with an r_y is so where r_x × r_y ≤ 0 at a node or in its middle. An axis alone has no sides: it is so
     where it turns by more than half a circle within the element, so that it runs against its gradients at both ends, or
     where it has a cusp: a bar under an axial load that folds back on itself balances that, too.
-
-    Parameters
-    ----------
-    q : ndarray, shape (…, nodes, 2 or 3, 2)
-        r, r_x and maybe r_y of each node.
-    length : float
-        Of an undeformed element, m.
-
-    Returns
-    -------
-    ndarray of bool, shape (…, nodes − 1)
     """
     z = as_complex(q)  # conj(a) b = a · b + i a × b
     chord, a, b = z[..., 1:, 0] - z[..., :-1, 0], z[..., :-1, 1], z[..., 1:, 1]

@@ -20,12 +20,10 @@ def unstable(
     advice: str = "",
     flutter: bool = False,
 ) -> Status:
-    """Status of an unstable equilibrium at a load factor.
+    """Status of an unstable equilibrium, with so many negative eigenvalues of the tangent stiffness.
 
     Parameters
     ----------
-    negative : int
-        Negative eigenvalues of the tangent stiffness.
     body, element
         Where the motion in which the energy falls is largest, if that is known.
     stable_until : float

@@ -20,21 +20,7 @@ COLUMNS = 4
 
 
 def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Figure":
-    """Periods of modes, each at both ends of its swing and in between, in grey.
-
-    Parameters
-    ----------
-    motions : sequence of Solution
-        Each a period that begins at its largest displacement.
-    titles : sequence of str
-    name : str
-        Of the scene.
-
-    Raises
-    ------
-    ResultError
-        If matplotlib is not installed.
-    """
+    """Periods of modes that begin at the largest displacement: both ends of the swing, and the middle in grey."""
     figures = needed("matplotlib.figure", "plot")
     columns = min(len(motions), COLUMNS)
     rows = -(-len(motions) // columns)
@@ -62,26 +48,7 @@ def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Fi
 def plot_campbell(
     speeds: Array, frequencies: Array, unstable: NDArray[np.bool_], orders: Sequence[int], name: str
 ) -> "Figure":
-    """Frequencies over the speed, with rays of multiples of the speed.
-
-    Parameters
-    ----------
-    speeds : ndarray, shape (n,)
-        rad/s.
-    frequencies : ndarray, shape (n, count)
-        Hz.
-    unstable : ndarray, shape (n, count)
-        Which of them are of motions that grow: they are crossed.
-    orders : sequence of int
-        Multiples of the speed.
-    name : str
-        Of the scene.
-
-    Raises
-    ------
-    ResultError
-        If matplotlib is not installed.
-    """
+    """Frequencies, (n, count), Hz, over the speed, (n,), rad/s, with rays of its multiples; crosses where unstable."""
     figure = needed("matplotlib.figure", "plot").Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
     for k, line in enumerate(frequencies.T):

@@ -236,16 +236,7 @@ def name_bodies(
 ) -> None:
     """Write the names of bodies at their middles at output k: one that would touch another moves up.
 
-    Parameters
-    ----------
-    axes : Axes
-        With its limits set, and equal scales.
-    shapes : sequence of Shape
-    k : int
-    size : float
-        Of the letters, pt.
-    ink, paper : colour
-        Of the letters, and behind them.
+    The axes have their limits, and equal scales; letters have a size, pt, in ink on paper.
     """
     named = [shape for shape in shapes if shape.name]
     if not 1 < len(named) <= NAMED:

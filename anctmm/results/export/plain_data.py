@@ -26,11 +26,7 @@ class NotPlain(Exception):
 def describe(value: Any, given: Sequence[Any] = ()) -> tuple[str, Arrays]:
     """A result as a text in JSON and its arrays, by the places where they stand in it.
 
-    Parameters
-    ----------
-    value : object
-    given : sequence
-        Parts of it that `rebuild` will be given again, such as a scene with functions of the user's.
+    `given` are parts of it that `rebuild` will be given again, such as a scene with functions of the user's.
 
     Raises
     ------

@@ -25,16 +25,9 @@ GUIDE = 0.12
 
 @dataclass(frozen=True)
 class Shape:
-    """A line or an outline that moves.
+    """A line or an outline that moves: the name of its body, empty of what is none, and points, (n, k, 2), m.
 
-    Parameters
-    ----------
-    name : str
-        Of the body; empty of what is none.
-    kind : str
-        "beam", "rigid" (an outline, closed), "mass" (one point), "spring" or "guide".
-    points : ndarray, shape (n, k, 2)
-        m, at the n outputs.
+    Kinds are "beam", "rigid" (an outline, closed), "mass" (one point), "spring" and "guide".
     """
 
     name: str

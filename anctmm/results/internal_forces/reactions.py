@@ -33,16 +33,7 @@ AT_NODE = 1e-9
 
 
 def reactions_of(solution: Any) -> list[Array]:
-    """What each joint of a scene exerts on its first place, (n, 3): N, N, N m, in fixed axes.
-
-    Parameters
-    ----------
-    solution : Solution
-
-    Returns
-    -------
-    list of ndarray, shape (n, 3)
-        Force along x and y, and the moment, counter-clockwise.
+    """What each joint of a scene exerts on its first place, (n, 3): N, N, N m counter-clockwise, in fixed axes.
 
     Raises
     ------

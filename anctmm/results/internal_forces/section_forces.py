@@ -29,25 +29,7 @@ Array = NDArray[np.float64]
 
 
 def section_force(solution: Any, body: str, fraction: float) -> Array:
-    """N, Q, M of the part beyond a section on the part before it, (n, 3): N, N, N m.
-
-    Parameters
-    ----------
-    solution : Solution
-    body : str
-    fraction : float
-        Of the undeformed length, in [0, 1].
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Along the tangent, along the normal (the tangent turned by +90°), counter-clockwise.
-
-    Raises
-    ------
-    ResultError
-        If the solution is not one of ANCF elements with accelerations, or the body is rigid.
-    """
+    """N, Q, M of the part beyond a section on the part before it, (n, 3); see `Solution.section_force`."""
     beam = HeldBeam(solution, body)
     number = beam.element_at(fraction)
     x = fraction * beam.count - number
@@ -60,11 +42,6 @@ def section_force(solution: Any, body: str, fraction: float) -> Array:
 
 class HeldBeam:
     """A beam of elements that bend over all outputs, and what holds its nodes.
-
-    Parameters
-    ----------
-    solution : Solution
-    name : str
 
     Raises
     ------
