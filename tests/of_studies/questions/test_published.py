@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from studies.published import study
-from studies.published.problems import Value, converged
-from studies.published.study import PUBLISHED, Published, judged, published
+from studies.published.study import PUBLISHED, Published, Value, converged, judged, published
 
 #: Digits of each problem that are confirmed on the quick meshes; a fall is a fault here or there.
 CONFIRMED = {
@@ -40,7 +39,7 @@ def test_confirmed_digits_stay_confirmed():
 def test_andrews_squeezer_is_the_published_one():
     rows = [p for p in PUBLISHED if p.problem.startswith("Andrews")]
     assert len(rows) == 7
-    assert min(judged(p, p.find(True))[0] for p in rows) >= 6
+    assert min(judged(p, p.found(True))[0] for p in rows) >= 6
 
 
 @pytest.mark.parametrize(
@@ -60,11 +59,11 @@ def test_andrews_squeezer_is_the_published_one():
     ],
 )
 def test_verdicts(printed, kind, found, digits, verdict):
-    assert judged(Published("p", "q", "Hz", printed, None, "s", "", kind), found) == (digits, verdict)
+    assert judged(Published("p", "q", "Hz", printed, "s", kind=kind), found) == (digits, verdict)
 
 
 def test_uncertainties_of_printed_numbers():
-    numbers = [Published("p", "q", "m", x, None, "s").uncertainty for x in ("3.5160", "8.09900305e-4", "-2")]
+    numbers = [Published("p", "q", "m", x, "s").uncertainty for x in ("3.5160", "8.09900305e-4", "-2")]
     assert numbers == pytest.approx([5e-5, 5e-13, 0.5])
 
 
