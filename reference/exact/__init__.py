@@ -14,7 +14,7 @@ from reference.exact.closed_forms import (
     poisson_locking_factor,
     timoshenko_tip_deflection,
 )
-from reference.exact.director import DirectorShape, solve_director
+from reference.exact.director import DirectorShape, graded_breaks, solve_director
 from reference.exact.frequencies import (
     axial_frequencies,
     euler_bernoulli_frequencies,
@@ -40,6 +40,7 @@ __all__ = [
     "cantilever_problem",
     "cantilever_static",
     "euler_bernoulli_frequencies",
+    "graded_breaks",
     "inextensible_tip",
     "moment_arc",
     "poisson_locking_factor",

@@ -1,47 +1,46 @@
-"""The continuum the paper's shear-deformable element tends to, as a boundary value problem.
+"""The continuum the paper's shear-deformable element tends to, solved by its own high-order Ritz method.
 
-The motion is r(s, y) = c(s) + y d(s) with any centre line c and director d, and the energy that of the element (method,
-section 1): Saint Venant-Kirchhoff's, in Green strains of f = c' + y d' and d,
+The motion is r(s, y) = c(s) + y d(s) with any centre line c and director d, and the energy that of the
+element (method, section 1): Saint Venant-Kirchhoff's, in Green strains of f = c' + y d' and d,
 
     ε_xx = ½ (f·f − 1),   ε_yy = ½ (d·d − 1),   ε_xy = ½ f·d.
 
-The section is replaced by three fibres, y = 0 and ±√(J/I), that have its moments A, 0, I, 0, J. So nothing here is
-shared with the element but the physics. With W(p, q, d) the energy per length at p = c' and q = d',
+The section is replaced by three fibres, y = 0 and ±√(J/I), that have its moments A, 0, I, 0, J. So nothing
+here is shared with the element but the physics.
 
-    ∂W/∂p = n(s),   ∂W/∂q = m,   m' = ∂W/∂d,   d(0) held,   m(L) the end moment over the director's turn:
+The energy contains c' but no derivative of it: force balance determines c' point by point, ∂W/∂p = n(s), and a clamp
+that holds the full gradient, as an element's does, has the same limit as one that holds c(0) and d(0) only. An
+element's c' cannot jump, which costs the element its second order where c'(0) is held.
 
-the first two determine p and q point by point. The energy contains c' but no derivative of it, so a clamp that holds
-the full gradient, as an element's does, has the same limit as one that holds c(0) and d(0) only. An element's c' cannot
-jump, which costs the element its second order where c'(0) is held.
+The director has boundary layers of about the section's height at clamp and loaded end, so breaks are graded
+there.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import legder, legint, legval, legvander
 from numpy.typing import NDArray
-from scipy.integrate import solve_bvp
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from anctmm.errors import DiscretisationError, SolverError
 from anctmm.model.scene import Material
 from anctmm.model.sections import Section
-from anctmm.validation import within
 from reference.exact.cantilever import Cantilever
 from reference.exact.legendre import gauss
 from reference.exact.rods import Rigidity, RodShape, solve_rod
 
 Array = NDArray[np.float64]
-
-#: Newton iterations of p and q at a point at most, and the correction that ends them; nodes of the mesh at most, and
-#: Gauss points of an interval.
-ITERATIONS, ENOUGH, NODES, POINTS = 30, 1e-15, 50_000, 5
+NEWTON_ITERATIONS = 40
 
 
 @dataclass(frozen=True)
 class Fibres:
-    """Section and material as three fibres; vectors are (2, n), at n places of the beam.
+    """Section and material as three fibres.
 
     Parameters
     ----------
@@ -53,59 +52,45 @@ class Fibres:
     material: Material
 
     @cached_property
-    def fibres(self) -> tuple[tuple[float, float], ...]:
-        """Their y, m, and areas, m²; the middle one's may be zero."""
+    def places(self) -> Array:
+        """Their y, m."""
         y = sqrt(self.section.fourth_moment / self.section.second_moment)
+        return np.array([-y, 0.0, y])
+
+    @cached_property
+    def areas(self) -> Array:
+        """Area of each, m²; the middle one's may be zero."""
         outer = self.section.second_moment**2 / self.section.fourth_moment
-        return (-y, 0.5 * outer), (0.0, self.section.area - outer), (y, 0.5 * outer)
+        return np.array([0.5 * outer, self.section.area - outer, 0.5 * outer])
 
-    def stresses(self, f: Array, d: Array) -> tuple[Array, Array, Array]:
-        """Second Piola-Kirchhoff stresses xx, yy and xy of a fibre, (n,), Pa."""
+    @cached_property
+    def moduli(self) -> Array:
+        """Derivatives of the stresses by (ε_xx, ε_yy, 2 ε_xy), (3, 3), Pa."""
         lame, G = self.material.lame
-        xx, yy = 0.5 * (_dot(f, f) - 1.0), 0.5 * (_dot(d, d) - 1.0)
-        mean = lame * (xx + yy)
-        return mean + 2.0 * G * xx, mean + 2.0 * G * yy, G * _dot(f, d)
+        return np.array([[lame + 2 * G, lame, 0.0], [lame, lame + 2 * G, 0.0], [0.0, 0.0, G]])
 
-    def energy(self, p: Array, q: Array, d: Array) -> Array:
-        """Strain energy per length, (n,), J/m."""
-        total = np.zeros(p.shape[1], dtype=p.dtype)
-        for y, area in self.fibres:
-            f = p + y * q
-            xx, yy, xy = self.stresses(f, d)
-            total += 0.25 * area * (xx * (_dot(f, f) - 1.0) + yy * (_dot(d, d) - 1.0) + 2.0 * xy * _dot(f, d))
-        return total
+    def strains(self, gradient: Array) -> Array:
+        """ε_xx, ε_yy, 2 ε_xy of the gradients (f, d), (..., 2, 2)."""
+        f, d = gradient[..., 0, :], gradient[..., 1, :]
+        return np.stack([0.5 * (_dot(f, f) - 1.0), 0.5 * (_dot(d, d) - 1.0), _dot(f, d)], axis=-1)
 
-    def forces(self, p: Array, q: Array, d: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of the energy by p, q and d, each (2, n)."""
-        by_p, by_q, by_d = (np.zeros_like(p) for _ in range(3))
-        for y, area in self.fibres:
-            f = p + y * q
-            xx, yy, xy = self.stresses(f, d)
-            stress = area * (xx * f + xy * d)
-            by_p, by_q, by_d = by_p + stress, by_q + y * stress, by_d + area * (xy * f + yy * d)
-        return by_p, by_q, by_d
+    def energy(self, gradient: Array) -> Array:
+        """Strain energy per volume, J/m³."""
+        e = self.strains(gradient)
+        return 0.5 * np.einsum("...i,ij,...j->...", e, self.moduli, e)
 
-    def stiffness(self, p: Array, q: Array, d: Array) -> Array:
-        """Second derivatives of the energy by p and q, (n, 4, 4)."""
-        (lame, G), total = self.material.lame, np.zeros((p.shape[1], 4, 4))
-        for y, area in self.fibres:
-            f = p + y * q
-            H = (lame + 2.0 * G) * _outer(f) + G * _outer(d)
-            H += self.stresses(f, d)[0][:, None, None] * np.eye(2)
-            total += np.kron(area * np.array([[1.0, y], [y, y * y]]), H)
-        return total
+    def stress(self, gradient: Array) -> Array:
+        """First Piola-Kirchhoff stresses, the energy's derivatives by f and d, (..., 2, 2), Pa."""
+        return _symmetric(self.strains(gradient) @ self.moduli) @ gradient
 
-    def gradients(self, n: Array, m: Array, d: Array) -> tuple[Array, Array]:
-        """p and q where ∂W/∂p = n and ∂W/∂q = m, each (2, n): by Newton from the section without strain."""
-        p, q = np.stack([d[1], -d[0]]) / np.sqrt(_dot(d, d)), np.zeros_like(d)
-        for _ in range(ITERATIONS):
-            by_p, by_q, _ = self.forces(p, q, d)
-            misfit = np.concatenate([n - by_p, m - by_q]).T[..., None]
-            step = np.linalg.solve(self.stiffness(p, q, d), misfit)[..., 0].T
-            p, q = p + step[:2], q + step[2:]
-            if not np.abs(step[:2]).max() > ENOUGH:
-                break
-        return p, q
+    def tangent(self, gradient: Array) -> Array:
+        """The energy's second derivatives by f and d, (..., 4, 4), Pa."""
+        f, d = gradient[..., 0, :], gradient[..., 1, :]
+        zero = np.zeros_like(f)
+        rows = [np.concatenate(pair, axis=-1) for pair in ((f, zero), (zero, d), (d, f))]
+        E = np.stack(rows, axis=-2)
+        geometric = np.kron(_symmetric(self.strains(gradient) @ self.moduli), np.eye(2))
+        return np.swapaxes(E, -1, -2) @ self.moduli @ E + geometric
 
 
 @dataclass(frozen=True)
@@ -115,70 +100,88 @@ class DirectorShape:
     Parameters
     ----------
     problem : Cantilever
-    fibres : Fibres
-    state : callable
-        Fraction of the length, (n,), to d, m over `unit` and c over the length, (6, n).
-    breaks : ndarray
-        Fractions between which it is a polynomial.
-    unit : float
-        N m.
+    breaks : ndarray, shape (elements + 1,)
+        Fractions of the length.
+    slopes : ndarray, shape (elements, degree + 1, 2)
+        Legendre coefficients of c' in each part.
+    directors : ndarray, shape (elements, degree + 2, 2)
+        Legendre coefficients of d.
+    strain_energy : float
+        J.
+    residual : float
+        Largest unbalanced generalised force over the largest one that balances.
     uncertainty : float
-        Change of the tip since the last larger tolerance, m; NaN where there was none.
+        Change of the tip since the last lower degree, m; NaN where it was not asked for.
     """
 
     problem: Cantilever
-    fibres: Fibres
-    state: Any
     breaks: Array
-    unit: float
-    uncertainty: float = float("nan")
+    slopes: Array
+    directors: Array
+    strain_energy: float
+    residual: float
+    uncertainty: float = field(default=float("nan"))
+
+    def _part(self, fraction: float) -> tuple[int, float]:
+        e = int(np.clip(np.searchsorted(self.breaks, fraction, side="right") - 1, 0, len(self.slopes) - 1))
+        a, b = self.breaks[e : e + 2]
+        return e, 2.0 * (fraction - a) / (b - a) - 1.0
 
     def position(self, fraction: float) -> Array:
         """Position of the centre line at a fraction of the undeformed length, (2,), m."""
-        return np.asarray(self.problem.start) + self.problem.length * np.asarray(self.state(fraction))[4:]
+        e, x = self._part(fraction)
+        lengths = np.diff(self.breaks) * self.problem.length
+        before = lengths[:e] @ self.slopes[:e, 0]
+        within = 0.5 * lengths[e] * legval(x, legint(self.slopes[e], lbnd=-1))
+        return np.asarray(self.problem.start) + before + within
+
+    def slope(self, fraction: float) -> Array:
+        """c', (2,)."""
+        e, x = self._part(fraction)
+        return np.asarray(legval(x, self.slopes[e]))
 
     def director(self, fraction: float) -> Array:
         """d, (2,)."""
-        return np.asarray(self.state(fraction))[:2]
-
-    def gradients(self, fraction: Array) -> tuple[Array, Array]:
-        """c' and d' at fractions, (2, n) each."""
-        y = self.state(fraction)
-        return self.fibres.gradients(self.problem.internal_force(fraction).T, self.unit * y[2:4], y[:2])
+        e, x = self._part(fraction)
+        return np.asarray(legval(x, self.directors[e]))
 
     def angle(self, fraction: float) -> float:
         """Angle of the section's normal (of d less a right angle) from the x axis, rad, not wrapped."""
-        x, y = self.state(np.linspace(0.0, fraction, 257))[:2]
-        turn = np.unwrap(np.arctan2(y, x))
+        d = np.array([self.director(f) for f in np.linspace(0.0, fraction, 257)])
+        turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
         return self.problem.angle + float(turn[-1] - turn[0])
-
-    @property
-    def strain_energy(self) -> float:
-        """∫W ds, J."""
-        x, w = self._quadrature()
-        return float(w @ self.fibres.energy(*self.gradients(x), self.state(x)[:2]))
 
     @property
     def load_potential(self) -> float:
         """Potential of force and weight, zero before the loads, J."""
-        x, w = self._quadrature()
-        undeformed = np.array([[np.cos(self.problem.angle)], [np.sin(self.problem.angle)]])
-        return -float(w @ _dot(self.problem.internal_force(x).T, self.gradients(x)[0] - undeformed))
+        x, w = gauss(self.slopes.shape[1] + 1)
+        n = self.problem.internal_force(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+        stretch = np.einsum("gk,ekc->egc", legvander(2.0 * x - 1.0, self.slopes.shape[1] - 1), self.slopes)
+        stretch = stretch - [np.cos(self.problem.angle), np.sin(self.problem.angle)]
+        lengths = np.diff(self.breaks) * self.problem.length
+        return -float(np.einsum("e,g,egc,egc->", lengths, w, n, stretch))
 
     @property
     def moment_work(self) -> float:
         """End moment times the end director's turn, J."""
         return self.problem.moment * (self.angle(1.0) - self.problem.angle)
 
-    def _quadrature(self) -> tuple[Array, Array]:
-        """Fractions and weights, m, over the length."""
-        x, w = gauss(POINTS)
-        parts = np.diff(self.breaks)[:, None]
-        return (self.breaks[:-1, None] + parts * x).ravel(), (self.problem.length * parts * w).ravel()
+
+def graded_breaks(problem: Cantilever, section: Section) -> Array:
+    """Fractions 0 … 1, fine within the section's size of both ends and growing fourfold inwards."""
+    first = sqrt(section.second_moment / section.area) / problem.length
+    growing = first * 4.0 ** np.arange(40)
+    left = growing[growing < 0.3]
+    return np.concatenate([[0.0], left, [0.5], 1.0 - left[::-1], [1.0]])
 
 
 def solve_director(
-    problem: Cantilever, section: Section, material: Material, *, tolerance: float = 1e-9
+    problem: Cantilever,
+    section: Section,
+    material: Material,
+    *,
+    degree: int = 14,
+    breaks: Array | None = None,
 ) -> DirectorShape:
     """Equilibrium of the continuum behind the paper's shear-deformable element.
 
@@ -190,69 +193,203 @@ def solve_director(
         Area, second and fourth moment.
     material : Material
         Poisson's ratio included.
-    tolerance : float
-        Relative residual of the equations, at least 1e-13; errors are a small part of it.
+    degree : int
+        Of c' in each part, at least 1; d has one more.
+    breaks : ndarray, optional
+        Fractions of the length, 0 and 1 included; `graded_breaks` without them.
+
+    Returns
+    -------
+    DirectorShape
 
     Raises
     ------
     DiscretisationError
-        If the tolerance cannot be used.
+        If degree or breaks cannot be used.
     SolverError
-        If no equilibrium is found near that of the rod with the same rigidities.
+        If Newton's iteration finds no equilibrium near that of the rod with the same rigidities.
     """
-    tolerance = within("tolerance", tolerance, 1e-13, 1e-2, "[]", DiscretisationError)
-    rod = solve_rod(problem, Rigidity.shear_element(section, material))
+    if degree < 1:
+        raise DiscretisationError(f"degree is {degree!r}; a whole number from 1 on is needed")
+    breaks = graded_breaks(problem, section) if breaks is None else np.asarray(breaks, float)
+    if breaks[0] != 0.0 or breaks[-1] != 1.0 or np.diff(breaks).min() <= 0.0:
+        raise DiscretisationError(f"breaks are {breaks!r}; fractions growing from 0 to 1 are needed")
     fibres = Fibres(section, material)
-    coarse = _solved(problem, fibres, *_near(problem, section, rod), tolerance=100.0 * tolerance)
-    fine = _solved(
-        problem, fibres, coarse.unit, coarse.breaks, coarse.state(coarse.breaks), tolerance=tolerance
-    )
-    return replace(fine, uncertainty=float(np.abs(fine.position(1.0) - coarse.position(1.0)).max()))
+    rod = solve_rod(problem, Rigidity.shear_element(section, material))
+    lower = _Ritz(problem, fibres, breaks, max(degree - 3, 1))
+    coarse = lower.shape(lower.solve(lower.guess(rod)))
+    ritz = _Ritz(problem, fibres, breaks, degree)
+    fine = ritz.shape(ritz.solve(ritz.raised(coarse)))
+    change = float(np.abs(fine.position(1.0) - coarse.position(1.0)).max())
+    return DirectorShape(**{**vars(fine), "uncertainty": change})
 
 
-def _near(problem: Cantilever, section: Section, rod: RodShape) -> tuple[float, Array, Array]:
-    """Unit of moments, a mesh that is fine within the section's size of both ends, and the rod's state there."""
-    first = sqrt(section.second_moment / section.area) / problem.length
-    growing = first * 1.5 ** np.arange(-4, 60)
-    left = np.concatenate([[0.0], growing[growing < 0.02], np.linspace(0.02, 0.5, 25)])
-    x = np.unique(np.concatenate([left, 1.0 - left]))
-    theta, unit = rod.theta(x), rod.rigidity.bending / problem.length
-    d = np.stack([-np.sin(theta), np.cos(theta)])
-    m = rod.bending_moment(x) / unit * np.stack([-d[1], d[0]])
-    c = np.stack(
-        [(axis(x) - start) / problem.length for axis, start in zip(rod.axis, problem.start, strict=True)]
-    )
-    return unit, x, np.concatenate([d, m, c])
+class _Ritz:
+    """Stationary potential in piecewise polynomials: c' may jump between the parts, d is continuous.
 
+    Coefficients, each a pair: of c' (part by part, Legendre), of d at the breaks, of d's bubbles (Legendre,
+    integrated).
+    """
 
-def _solved(
-    problem: Cantilever, fibres: Fibres, unit: float, x: Array, y: Array, tolerance: float
-) -> DirectorShape:
-    L, clamped = problem.length, np.array([-np.sin(problem.angle), np.cos(problem.angle)])
+    def __init__(self, problem: Cantilever, fibres: Fibres, breaks: Array, degree: int) -> None:
+        self.problem, self.fibres, self.breaks, self.degree = problem, fibres, breaks, degree
+        self.parts = len(breaks) - 1
+        self.lengths = np.diff(breaks) * problem.length
+        self.split = np.cumsum([self.parts * (degree + 1), self.parts + 1, self.parts * degree])
+        x, w = gauss(2 * degree + 3)
+        self.fractions = breaks[:-1, None] + np.diff(breaks)[:, None] * x
+        volumes = np.multiply.outer(np.multiply.outer(self.lengths, w), fibres.areas)
+        self.weights = volumes.reshape(-1)
+        self.operator = sparse.kron(self._gradients(x), sparse.eye_array(2), format="csr")
+        self.loads = self._loads(x, w)
+        self.free, self.fixed = self._clamped()
 
-    def rates(x: Array, y: Array) -> Array:
-        d, m = y[:2], unit * y[2:4]
-        p, q = fibres.gradients(problem.internal_force(x).T, m, d)
-        return np.concatenate([L * q, L / unit * fibres.forces(p, q, d)[2], p])
+    def _shapes(self, x: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """At fractions x of a part: Legendre values; values of hats and bubbles; their derivatives by x."""
+        P = legvander(2.0 * x - 1.0, self.degree)
+        integrals = legint(np.eye(self.degree + 1), lbnd=-1, scl=0.5)
+        bubbles = legvander(2.0 * x - 1.0, self.degree + 1) @ integrals
+        hats = np.stack([1.0 - x, x], axis=-1)
+        one = np.ones_like(hats)
+        return P, np.hstack([hats, bubbles[:, 1:]]), np.hstack([one * [-1.0, 1.0], P[:, 1:]])
 
-    def ends(start: Array, end: Array) -> Array:
-        d = end[:2]
-        moment = problem.moment / unit / (d @ d) * np.array([-d[1], d[0]])
-        return np.concatenate([start[:2] - clamped, end[2:4] - moment, start[4:]])
+    def _columns(self, e: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Coefficients of c' and of d in a part."""
+        slope = np.arange(e * (self.degree + 1), (e + 1) * (self.degree + 1))
+        bubbles = self.split[1] + np.arange(e * self.degree, (e + 1) * self.degree)
+        return slope, np.concatenate([self.split[0] + np.array([e, e + 1]), bubbles])
 
-    with np.errstate(all="ignore"):  # of trials that are far off
-        found = solve_bvp(rates, ends, x, y, tol=tolerance, max_nodes=NODES)
-    if not found.success or not np.isfinite(found.y).all():
+    def _gradients(self, x: Array) -> sparse.csr_array:
+        """Matrix from the coefficients to (f, d) of every part, point and fibre."""
+        P, D, dD = self._shapes(x)
+        y = self.fibres.places
+        shape = (self.parts, len(x), len(y), 2, self.split[2])
+        matrix = np.zeros(shape)
+        for e in range(self.parts):
+            slope, director = self._columns(e)
+            matrix[e, :, :, 0, slope] = P.T[:, :, None]
+            matrix[e, :, :, 0, director] = dD.T[:, :, None] * y / self.lengths[e]
+            matrix[e, :, :, 1, director] = D.T[:, :, None]
+        return sparse.csr_array(matrix.reshape(-1, self.split[2]))
+
+    def _loads(self, x: Array, w: Array) -> Array:
+        """Generalised force of force and weight, ∫ n·δc' ds, flat."""
+        P, _, _ = self._shapes(x)
+        n = self.problem.internal_force(self.fractions)
+        force = np.zeros((self.split[2], 2))
+        force[: self.split[0]] = np.einsum("e,g,gk,egc->ekc", self.lengths, w, P, n).reshape(-1, 2)
+        return force.reshape(-1)
+
+    def _clamped(self) -> tuple[sparse.csc_array, Array]:
+        """Matrix and constant of all coefficients in terms of the free ones: d at the clamp is fixed."""
+        fixed = np.zeros((self.split[2], 2))
+        first = int(self.split[0])
+        fixed[first] = -np.sin(self.problem.angle), np.cos(self.problem.angle)
+        matrix = sparse.csc_array(np.delete(np.eye(self.split[2]), first, axis=1))
+        return sparse.kron(matrix, sparse.eye_array(2), format="csc"), fixed.reshape(-1)
+
+    def guess(self, rod: RodShape) -> Array:
+        """Coefficients of a rod's fields, flat."""
+        x, _ = gauss(self.degree + 1)
+        P = np.linalg.inv(legvander(2.0 * x - 1.0, self.degree))
+        theta = rod.theta(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+        moment = rod.bending_moment(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+        normal = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
+        turn = -(self.lengths[:, None] * moment / rod.rigidity.bending)[..., None] * normal
+        at_breaks = np.stack([-np.sin(rod.theta(self.breaks)), np.cos(rod.theta(self.breaks))], axis=-1)
+        return self._flat(P @ normal, at_breaks, (P @ turn)[:, 1:])
+
+    def raised(self, shape: DirectorShape) -> Array:
+        """Coefficients of a shape of lower degree on the same breaks, flat."""
+        slopes = np.zeros((self.parts, self.degree + 1, 2))
+        slopes[:, : shape.slopes.shape[1]] = shape.slopes
+        bubbles = np.zeros((self.parts, self.degree + 1, 2))
+        for e, series in enumerate(shape.directors):
+            derivative = 2.0 * legder(series)
+            bubbles[e, : len(derivative)] = derivative
+        at_breaks = np.array([shape.director(f) for f in self.breaks])
+        return self._flat(slopes, at_breaks, bubbles[:, 1:])
+
+    def _flat(self, slopes: Array, at_breaks: Array, bubbles: Array) -> Array:
+        return np.concatenate([a.reshape(-1) for a in (slopes, at_breaks, bubbles)])
+
+    def solve(self, guess: Array) -> Array:
+        """Newton's iteration to where rounding stops it."""
+        u = self.fixed + self.free @ (self.free.T @ guess)
+        last = np.inf
+        for _ in range(NEWTON_ITERATIONS):
+            residual, tangent = self.free.T @ self.residual(u), self.free.T @ self.tangent(u) @ self.free
+            step = self.free @ splu(tangent.tocsc()).solve(residual)
+            u, size = u - step, float(np.abs(step).max())
+            if not size < 1e3:
+                break
+            if size < 1e-14 or (size < 1e-8 and size > 0.3 * last):
+                return u
+            last = size
         raise SolverError(
-            f"two-director cantilever of {problem!r} finds no equilibrium near the rod's: {found.message}"
+            f"two-director cantilever of {self.problem!r} finds no equilibrium near the rod's: "
+            f"last Newton step {size:.3g} after {NEWTON_ITERATIONS} iterations"
         )
-    return DirectorShape(problem, fibres, found.sol, found.x, unit)
+
+    def residual(self, u: Array) -> Array:
+        """Gradient of the potential, flat."""
+        stress = self.fibres.stress(self._at_points(u)) * self.weights[:, None, None]
+        force = self.operator.T @ stress.reshape(-1) - self.loads
+        force[self._tip] -= self.problem.moment * _turn_gradient(u[self._tip])
+        return force
+
+    def tangent(self, u: Array) -> sparse.csr_array:
+        """Hessian of the potential."""
+        blocks = self.fibres.tangent(self._at_points(u)) * self.weights[:, None, None]
+        n = len(blocks)
+        pointwise = sparse.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(4 * n, 4 * n))
+        matrix = (self.operator.T @ pointwise @ self.operator).tolil()
+        matrix[self._tip, self._tip] -= self.problem.moment * _turn_hessian(u[self._tip])
+        return matrix.tocsr()
+
+    @property
+    def _tip(self) -> slice:
+        last = 2 * int(self.split[1])
+        return slice(last - 2, last)
+
+    def _at_points(self, u: Array) -> Array:
+        return (self.operator @ u).reshape(-1, 2, 2)
+
+    def shape(self, u: Array) -> DirectorShape:
+        """The shape of coefficients."""
+        pairs = u.reshape(-1, 2)
+        slopes = pairs[: self.split[0]].reshape(self.parts, self.degree + 1, 2)
+        directors = np.zeros((self.parts, self.degree + 2, 2))
+        for e in range(self.parts):
+            _, columns = self._columns(e)
+            left, right, *bubbles = pairs[columns]
+            series = np.vstack([right - left, bubbles])
+            directors[e] = legint(series, lbnd=-1, scl=0.5)
+            directors[e, 0] += left
+        energy = float(self.weights @ self.fibres.energy(self._at_points(u)))
+        unbalanced = self.free.T @ self.residual(u)
+        scale = max(np.abs(self.loads).max(), abs(self.problem.moment), np.finfo(float).tiny)
+        return DirectorShape(
+            self.problem, self.breaks, slopes, directors, energy, float(np.abs(unbalanced).max() / scale)
+        )
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.asarray((a * b).sum(axis=0))
+    return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
-def _outer(a: Array) -> Array:
-    """a ⊗ a of vectors (2, n), (n, 2, 2)."""
-    return np.asarray(a.T[:, :, None] * a.T[:, None, :])
+def _symmetric(stress: Array) -> Array:
+    """Second Piola-Kirchhoff stresses (xx, yy, xy) as matrices."""
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+
+
+def _turn_gradient(d: Array) -> Array:
+    """Derivative of the angle of d."""
+    return np.array([-d[1], d[0]]) / (d @ d)
+
+
+def _turn_hessian(d: Array) -> Array:
+    """Second derivative of the angle of d."""
+    x, y = d
+    return np.array([[2 * x * y, y * y - x * x], [y * y - x * x, -2 * x * y]]) / (d @ d) ** 2

@@ -33,7 +33,7 @@ from reference.global_dae.explicit import Zhai
 from reference.global_dae.layout import Layout
 from reference.global_dae.marching import Record
 from reference.global_dae.stability import highest, limit
-from reference.global_dae.system import System
+from reference.global_dae.system import Account, System
 from studies.scenes import FOUR_BAR_PROBES, four_bar, four_bar_moment
 
 #: Weights of the central difference of eighth order.
@@ -58,9 +58,10 @@ def by_time(function, t):
     return derivative(lambda x: function(float(x[0])), np.array([t]))[..., 0]
 
 
-def random_state(element="cable"):
+def random_state(element="cable", **options):
     """A system with coordinates and velocities near the reference, and a time."""
-    system = System(Layout(everything(), at.Discretisation(mesh=2, element=element, dt=1e-3, t_end=1.0)))
+    run = at.Discretisation(mesh=2, element=element, dt=1e-3, t_end=1.0)
+    system = System(Layout(everything(**options), run))
     rng = np.random.default_rng(3)
     q = system.layout.reference + 0.05 * rng.standard_normal(system.size)
     return system, q, rng.standard_normal(system.size), 0.37
@@ -81,46 +82,48 @@ def test_elements_are_those_of_the_readable_classes(element):
     system, q, v, _ = random_state(element)
     beams, force, damping, energy = system.beams, np.zeros(system.size), np.zeros(system.size), 0.0
     K = np.zeros((system.size, system.size))
-    for mesh in system.layout.meshes.values():
-        n = 4 * mesh.vectors
-        for at_ in mesh.starts:
-            rows = slice(at_, at_ + n)
-            x, y = q[rows].reshape(-1, 2), v[rows].reshape(-1, 2)
-            energy += mesh.element.energy(x)
-            force[rows] += mesh.element.force(x).ravel()
-            damping[rows] -= mesh.element.damping_force(x, y).ravel()
-            K[rows, rows] += mesh.element.tangent(x).reshape(n, n)
-    assert beams.energy(q) == pytest.approx(energy, rel=1e-13)
+    meshes = [mesh for mesh in system.layout.meshes.values() for _ in range(mesh.elements)]
+    for mesh, rows in zip(meshes, beams.at, strict=True):
+        x, y = q[rows].reshape(-1, 2), v[rows].reshape(-1, 2)
+        energy += mesh.element.energy(x)
+        force[rows] += mesh.element.force(x).ravel()
+        damping[rows] -= mesh.element.damping_force(x, y).ravel()
+        K[np.ix_(rows, rows)] += mesh.element.tangent(x).reshape(len(rows), len(rows))
+    assert beams.energy(q[None])[0] == pytest.approx(energy, rel=1e-13)
     for found, exact in (
         (beams.force(q), force), (beams.damping(q, v), damping), (beams.tangent(q).toarray(), K)
     ):  # fmt: skip
         np.testing.assert_allclose(found, exact, atol=1e-12 * np.abs(exact).max())
 
 
-def test_forces_of_springs_are_gradients_of_their_energies_at_every_part_of_the_load():
-    system, q, _, t = random_state()
-    for force in (f for f in system.connectors if f.connector.law is None):
-        for factor in (1.0, 0.4):
-            still, gradient = np.zeros(system.size), np.zeros(system.size)
-            s, slope, _ = force.measure(q)
-            still[force.at] = (
-                force.evaluate(q, system.still, t, factor)[0] + force._pull(s, 0.0, t).lost * slope
-            )
-            gradient = -derivative(lambda x, f=force, k=factor: f.energy(x, t, k), q)
-            np.testing.assert_allclose(still, gradient, atol=1e-9 * max(1e-3, np.abs(gradient).max()))
+@pytest.mark.parametrize("factor", [1.0, 0.4])
+def test_forces_without_laws_loads_and_dampers_are_gradients_of_energies(factor):
+    """At every part of the load."""
+    springs = [c for c in everything().connectors if c.law is None and not c.damping]
+    system, q, _, t = random_state(connectors=springs, loads=[at.LineLoad("one", (0.3, -0.4))])
+    account = Account(system)
+
+    def energy(x):
+        found = system.energies(x, system.still, t, account, factor)
+        return found[1] + factor * found[2]
+
+    gradient = derivative(energy, q)
+    force = system.force(q, system.still, t, factor)
+    np.testing.assert_allclose(force, -gradient, atol=1e-9 * np.abs(gradient).max())
 
 
 def test_tangents_are_derivatives_of_forces():
     system, q, v, t = random_state()
-    for force in system.elements:
-        _, by_q, by_v = force.evaluate(q, v, t)
-        for found, exact in (
-            (by_q, -derivative(lambda x, f=force: f.evaluate(x, v, t)[0], q)),
-            (by_v, -derivative(lambda y, f=force: f.evaluate(q, y, t)[0], v)),
-        ):
-            scale = max(1e-3, np.abs(exact).max())
-            np.testing.assert_allclose(found / scale, exact[:, force.at] / scale, atol=2e-9)
-            assert np.abs(np.delete(exact, force.at, axis=1)).max(initial=0.0) < 1e-9 * scale
+    K = system.tangents(q, v, t)
+    beams = system.beams.tangent(q, 1.0) - system.beams.tangent(q)
+    D = system.tangents(q, v, t, by_velocity=1.0) - K - beams
+    by_q, by_v = (
+        -derivative(f, x)
+        for f, x in ((lambda x: system.force(x, v, t), q), (lambda y: system.force(q, y, t), v))
+    )
+    for found, exact in ((K, by_q), (D, by_v)):
+        scale = np.abs(exact).max()
+        np.testing.assert_allclose(found.toarray() / scale, exact / scale, atol=2e-9)
 
 
 def test_constraints_have_their_derivatives_and_fit_the_reference():
@@ -236,21 +239,13 @@ def apart(one, two, probes):
 
 
 @pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
-@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.parametrize("seed", range(8))
 def test_both_ways_to_march_agree(seed, integrator):
     _, _, probes, rival, judge = compared(seed, integrator)
     assert apart(rival, judge, probes) < 1e-10
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
-def test_both_ways_to_march_agree_on_many_scenes(integrator):
-    for seed in range(15, 115):
-        _, _, probes, rival, judge = compared(seed, integrator)
-        assert apart(rival, judge, probes) < 1e-10, seed
-
-
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_random_scenes_move_as_by_anc_tmm(seed):
     scene, element = random_beams(seed, inside=False)
     run = at.Discretisation(
@@ -258,20 +253,6 @@ def test_random_scenes_move_as_by_anc_tmm(seed):
     )
     ours, theirs = at.solve(scene, run), global_dae.solve(scene, run)
     assert error(ours, theirs, [f"{body.name}.end" for body in scene.bodies]) < 1e-9
-
-
-@pytest.mark.exhaustive
-def test_dense_and_sparse_agree_to_rounding():
-    run = at.Discretisation(mesh=MESH, dt=1e-3, t_end=0.2, output_dt=0.02, newton_tolerance=1e-12)
-    scene = four_bar().scene
-    sparse, dense = global_dae.solve(scene, run), global_dae.solve_dense(scene, run)
-    assert error(sparse, dense, FOUR_BAR_PROBES) < 1e-10
-    assert (sparse.solver, dense.solver) == ("global-dae", "global-dae-dense")
-    assert sparse.cost.factorizations < dense.cost.factorizations == dense.cost.newton_iterations
-    run = replace(run, integrator="zhai", dt=1e-5, t_end=0.02)
-    sparse, dense = global_dae.solve(scene, run), global_dae.solve_dense(scene, run)
-    assert error(sparse, dense, FOUR_BAR_PROBES) < 1e-9
-    assert (sparse.cost.factorizations, dense.cost.factorizations) == (1, run.steps + 1)
 
 
 @pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
@@ -308,20 +289,6 @@ def test_a_flying_bar_keeps_its_momentum():
         assert np.allclose(weights - [0.3, 0.4], s.t[:, None] * [1.0, 2.0], rtol=0.0, atol=1e-11)
 
 
-def test_projection_removes_the_drift_of_a_driven_clamp():
-    drive = at.Quintic(pi / 2, 0.1)
-    scene, drift = bar([at.Clamp("bar.start", drive)]), {}
-    for kind in ("projection", "none"):
-        s = global_dae.solve(
-            scene, mesh=2, integrator="zhai", dt=2e-5, t_end=0.1, output_dt=0.02, stabilization=kind
-        )
-        theta = drive(s.t)[0] + np.arctan2(0.8, 0.6)
-        exact = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-        drift[kind] = np.abs(s.fields["bar"].coordinates[:, 0, 1] - exact).max()
-    assert drift["projection"] < 1e-14
-    assert 1e-12 < drift["none"] < 1e-3
-
-
 def test_reactions_are_the_multipliers():
     bodies = [
         at.Beam("one", (0, 0), (0.5, 0.1), ROD, RUBBER),
@@ -330,7 +297,7 @@ def test_reactions_are_the_multipliers():
     joints = [at.Clamp("one.start", angle=swing), at.Pin("one.end", "plate.a")]
     scene = at.Scene("swinging", bodies, joints, gravity=DOWN)
     system = System(Layout(scene, at.Discretisation(mesh=2, integrator="zhai", dt=1e-4, t_end=2e-3)))
-    solver, record, multipliers = Zhai(system), Record(system), []
+    solver, record, multipliers = Zhai(system), Record(system.layout), []
     state, times = solver.begin(), solver.run.times(np.arange(21))
     for n in range(21):
         state = solver.step(state, float(times[n])) if n else state
@@ -352,19 +319,6 @@ def test_equilibria_are_those_of_anc_tmm():
         s(scene, mesh=2, newton_tolerance=1e-12) for s in (at.solve_static, global_dae.solve_static)
     )
     assert error(ours, theirs, ["a.end", ("a", 0.37), "plate.q", "load.center"]) < 1e-9
-
-
-def test_runs_from_an_equilibrium_of_all_kinds_of_bodies_stand_still():
-    scene = on_a_plate()
-    connectors = [c for c in scene.connectors if not callable(getattr(c, "angle", None))]
-    still = [replace(c, length=0.9) if callable(getattr(c, "length", None)) else c for c in connectors]
-    scene = replace(scene, connectors=still, loads=[load for load in scene.loads if not callable(load.value)])
-    rest = at.solve_static(scene, mesh=2, newton_tolerance=1e-13, load_steps=4)
-    assert rest.status.ok, rest.status
-    found = at.solve(scene, mesh=2, dt=1e-3, t_end=0.02, start=rest, newton_tolerance=1e-12)
-    for body, place in (("a", 1.0), ("a", 0.37), ("plate", "q"), ("load", "center")):
-        moved = found.fields[body].position(place) - rest.fields[body].position(place)[-1]
-        assert np.abs(moved).max() < 1e-10
 
 
 @pytest.mark.parametrize("element", ["cable", "shear"])
@@ -517,11 +471,8 @@ def test_the_highest_frequency_of_large_scenes_is_that_of_the_dense_solver(monke
 
 def test_bad_input_is_refused_by_name():
     scene, run = bar([at.Clamp("bar.start")]), {"mesh": 2, "dt": 1e-3, "t_end": 0.1}
-    for options, words in (
-        ({"linear_algebra": "fast"}, "linear_algebra is 'fast'"), ({"stabilization": "some"}, "stabilization is 'some'")
-    ):  # fmt: skip
-        with pytest.raises(UnknownOptionError, match=words):
-            global_dae.solve(scene, **run, **options)
+    with pytest.raises(UnknownOptionError, match="linear_algebra is 'fast'"):
+        global_dae.solve(scene, **run, linear_algebra="fast")
     with pytest.raises(DiscretisationError, match="load_steps is 0"):
         global_dae.solve_static(scene, mesh=2, load_steps=0)
     halves = [at.Beam("a", (0, 0), (1, 0), ROD, RUBBER), at.Beam("b", (1, 0), (2, 0), ROD, RUBBER)]

@@ -109,6 +109,6 @@ def multipliers(scene, run):
             for number in (guide, *drive)
         ]
         model.assemble()
-        model.mbs.SolveDynamic(beams.adapter()._settings(model, RESIDUALS))
+        model.mbs.SolveDynamic(beams.settings(model, RESIDUALS))
         stored = [model.mbs.GetSensorStoredData(sensor)[:, 1] for sensor in sensors]
     return -stored[0], -np.stack(stored[1:], axis=1)

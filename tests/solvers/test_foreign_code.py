@@ -112,7 +112,7 @@ def test_ctrl_c_in_exudyn_is_ctrl_c(monkeypatch):
 
     beam = at.Beam("beam", (0, 0), (1, 0), at.Rectangle(0.02, 0.02), at.Material(E=1e7, density=1000.0))
     clamped = at.Scene("clamped", [beam], [at.Clamp("beam.start")])
-    adapter = Cables(clamped, at.Discretisation(mesh=2)).adapter()
+    adapter = Cables(clamped, at.Discretisation(mesh=2))
     with pytest.raises(KeyboardInterrupt):
         adapter._solved(SimpleNamespace(exu=exu), in_compiled_code, None)
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
