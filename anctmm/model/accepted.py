@@ -5,7 +5,6 @@ them is a list of that kind for type checkers, whatever its order.
 """
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,7 @@ class BodyKind:
 
 
 class JointKind:
-    """Base of all joints. Its class says what a joint does."""
-
-    #: Whether it holds the direction of its places.
-    holds_direction: ClassVar[bool]
-    #: Whether its place moves on a line, along which a drive moves it; drives of other joints turn.
-    on_line: ClassVar[bool]
+    """Base of all joints."""
 
 
 class LoadKind:

@@ -48,6 +48,7 @@ class Joint(JointKind):
         If one of them is neither a place nor a point.
     """
 
+    #: Whether it holds the direction of its places; whether its place moves on a line, along which a drive moves it.
     holds_direction, on_line = False, False
     #: Whether all its places are at one point, and share their position.
     shares_position = False
