@@ -268,7 +268,7 @@ class Model:
         number, at = self.objects[body.name][index], [along, 0.0, 0.0]
         return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localPosition=at))
 
-    def on_body(self, body: RigidBody | None, position: tuple[float, float]) -> Any:
+    def on_body(self, body: RigidBody | None, position: tuple[float, ...]) -> Any:
         """Marker of a point of a rigid body, or of the ground, by its position in the reference."""
         number = self.ground_object if body is None else self.objects[body.name][0]
         x, y = position if body is None else np.subtract(position, body.center).tolist()
@@ -337,4 +337,4 @@ def rigid_field(body: RigidBody | PointMass, q: Array, rates: Sequence[Array]) -
     normal = np.stack([-turn[:, 1], turn[:, 0]], axis=1)
     vectors = [spin[:, None] * normal, spinning[:, None] * normal - spin[:, None] ** 2 * turn]
     moved = [np.stack([x[:, 0, :2], vector], axis=1) for x, vector in zip(rates, vectors, strict=False)]
-    return RigidField(np.stack([q[:, 0, :2], turn], axis=1), points, *moved)
+    return RigidField(np.stack([q[:, 0, :2], turn], axis=1), points, *moved)  # type: ignore[arg-type]

@@ -173,7 +173,7 @@ class Beams:
         blocks = [np.tile(np.kron(m.element.mass, np.eye(2)).ravel(), m.elements) for m in self.meshes]
         return self._matrix(np.concatenate([np.zeros(0), *blocks]))
 
-    def weight(self, gravity: tuple[float, float]) -> Array:
+    def weight(self, gravity: tuple[float, ...]) -> Array:
         """Forces of gravity, (size,)."""
         f, at = np.zeros(self.size), iter(self.at)
         for mesh in self.meshes:

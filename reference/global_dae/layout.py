@@ -165,7 +165,7 @@ class Layout:
             return Vector.of([(self.first[place.body.name], 1.0)])
         return self.point(place.body.name, place.position)
 
-    def point(self, name: str, position: tuple[float, float]) -> Vector:
+    def point(self, name: str, position: tuple[float, ...]) -> Vector:
         """The point of a rigid body that is at a position in the reference."""
         x, y = np.subtract(position, self.rigid[name].position_at("center")).tolist()
         at = np.arange(4) + self.first[name]

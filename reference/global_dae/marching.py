@@ -203,7 +203,7 @@ def fields_of(layout: Layout, series: Sequence[Array]) -> dict[str, Field]:
         else:
             points = {} if isinstance(body, PointMass) else {key: body.arm(key) for key in body.points}
             first, *others = (np.stack(pair, axis=1) for pair in pairs)
-            found[body.name] = RigidField(first, points, *others)
+            found[body.name] = RigidField(first, points, *others)  # type: ignore[arg-type]
     return found
 
 

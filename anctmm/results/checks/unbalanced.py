@@ -35,7 +35,7 @@ class _Group:
     """
 
     bodies: list[str]
-    lines: list[tuple[float, float]] = field(default_factory=list)
+    lines: list[tuple[float, ...]] = field(default_factory=list)
     held: bool = False
     forces: list[Array] = field(default_factory=lambda: [np.zeros(2)])
 

@@ -40,7 +40,7 @@ class Support:
     """Where the ground holds a scene: "clamp" or "pin", and where, m."""
 
     kind: str
-    position: tuple[float, float]
+    position: tuple[float, ...]
 
 
 def shapes_of(solution: Any) -> list[Shape]:
