@@ -39,8 +39,10 @@ def distance(a: Point, b: Point) -> float:
     PropertyError
         If one of them is no pair or triple of finite numbers, or they differ in that.
     """
-    one = vector("distance from (m)", a, dims=(2, 3))
-    return dist(one, vector("distance to (m)", b, dims=(len(one),)))
+    one, two = vector("distance from (m)", a, dims=(2, 3)), vector("distance to (m)", b, dims=(2, 3))
+    if len(one) != len(two):
+        raise PropertyError(f"distance from {one!r} to {two!r}; as many numbers in both are needed")
+    return dist(one, two)
 
 
 @dataclass(frozen=True)
@@ -130,8 +132,11 @@ class Beam(BodyKind):
         set_ = object.__setattr__
         set_(self, "name", text("beam name", self.name))
         set_(self, "start", point(f"beam {self.name!r} start (m)", self.start))
-        end = vector(f"beam {self.name!r} end (m)", self.end, high=LONGEST, dims=(self.dim,))
-        set_(self, "end", end)
+        set_(self, "end", point(f"beam {self.name!r} end (m)", self.end))
+        if len(self.start) != len(self.end):
+            raise PropertyError(
+                f"beam {self.name!r} has start {self.start!r} and end {self.end!r}; as many numbers in both are needed"
+            )
         for kind, thing in ((Section, self.section), (Material, self.material)):
             if not isinstance(thing, kind):
                 what = f"beam {self.name!r} {kind.__name__.lower()}"

@@ -103,7 +103,7 @@ def load_text(load: Load) -> str:
     return f"{kind} on {shown(load.body if isinstance(load, LineLoad) else load.end)}"
 
 
-def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float64]:
+def tabulated(loads: Sequence[Load], t: NDArray[np.float64], dim: int = 2) -> NDArray[np.float64]:
     """Values of loads at times: force (x, y), N or N/m, or moment and 0, N m.
 
     Parameters
@@ -114,16 +114,16 @@ def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float
 
     Returns
     -------
-    ndarray, shape (n, loads, 2)
+    ndarray, shape (n, loads, dim)
 
     Raises
     ------
     PropertyError
         If a history raises, or gives another number of values, or a value that is not finite.
     """
-    table = np.zeros((len(t), len(loads), 2))
+    table = np.zeros((len(t), len(loads), dim))
     for i, load in enumerate(loads):
-        width = width_of(load)
+        width = width_of(load, dim)
         if callable(load.value):
             table[:, i, :width] = tabulate(load_text(load), load.value, t, width)
         else:

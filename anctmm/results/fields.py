@@ -136,7 +136,9 @@ class HermiteField(NodalField):
         if x in (0.0, 1.0):  # a node, as most places that are looked at
             return q[:, i + int(x), order].copy()
         weights = self._shape(x, l, order)
-        return np.einsum("i,nic->nc", weights, q[:, i : i + 2, : len(weights) // 2].reshape(len(q), -1, 2))
+        return np.einsum(
+            "i,nic->nc", weights, q[:, i : i + 2, : len(weights) // 2].reshape(len(q), len(weights), -1)
+        )
 
     def _shape(self, x: float, l: float, order: int) -> Array:  # noqa: E741
         return hermite(x, l, order)[0]

@@ -29,7 +29,7 @@ def with_load_work(found: Solution) -> Solution:
         work[1:] = np.nan
     else:
         for load in filter(varies, scene.loads):
-            work += _work(found, load, tabulated([load], np.zeros(1))[0, 0])
+            work += _work(found, load, tabulated([load], np.zeros(1), scene.dim)[0, 0])
     return replace(found, energy=replace(found.energy, work=work))
 
 

@@ -65,7 +65,7 @@ def cases():
         yield pytest.param(way, first, hold, marks=[REPEATED] if repeated else [])
 
 
-@pytest.mark.parametrize(("way", "first", "hold"), cases())
+@pytest.mark.parametrize(("way", "first", "hold"), list(cases()))
 def test_the_work_is_the_energy_of_the_body(way, first, hold):
     """The beam falls by itself, and takes no work: its place and its direction there are held."""
     holds, place, x = HOLDS[hold]

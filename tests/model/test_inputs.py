@@ -173,7 +173,9 @@ EVERYWHERE = {**NUMERIC, **POINTS, **WHOLE, **NAMES, **FLAGS, **OTHERS, **OPTION
 #: Junk that a place takes all the same, and why: it is a number, a name, a callable or nothing there.
 TAKEN = {
     **{n: {"negative"} for n in ("amplitude", "psi", "phi", "spin", "turn")}, "torque": {"negative", "type"},
-    "fraction": {"array of 3", "list"}, "force": {"type"}, "clamp": {"None"}, "velocity": {"None", "type"},
+    "gravity": {"None"},
+    "fraction": {"array of 3", "list"}, "force": {"type", "array of 3", "three"},
+    "clamp": {"None"}, "velocity": {"None", "type"},
     **{n: {"text"} for n in NAMES}, **{n: {"True"} for n in FLAGS}, "mesh": {"None"}, "load_steps": {"None"},
     "output_dt": {"None"}, "integrator": {"None"}, "tolerance": {"None"}, "joints": {"list"}, "loads": {"list"},
 }  # fmt: skip

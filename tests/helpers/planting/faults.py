@@ -36,7 +36,7 @@ FAULTS = (
     Fault(
         "loads", MODEL + "drives", "Pulse.__call__", replace("np.sin(np.pi * x) ** 2", "np.sin(np.pi * x)")
     ),
-    Fault("rigid bodies", MODEL + "rigid_bodies", "RigidBody.arm", flip(1)),
+    Fault("rigid bodies", MODEL + "rigid_bodies", "RigidBody.arm", flip(0)),
     Fault("initial velocities", MODEL + "rigid_bodies", "RigidBody.velocity_at", flip(0)),
     Fault(
         "consistent velocities",

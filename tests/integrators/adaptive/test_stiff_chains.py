@@ -36,7 +36,7 @@ def test_a_strongly_damped_pendulum_keeps_its_promise():
         assert missed(scene, exact, PROBES, tolerance, "esdirk", RUN) < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("E", [2e7, 2e9, 2e11])
 @pytest.mark.parametrize("damping", [0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
 def test_a_pendulum_of_any_stiffness_and_damping_keeps_its_promise(E, damping):
