@@ -22,7 +22,7 @@ app = typer.Typer(
 
 
 def _option(help: str, metavar: str, parser: Any, *names: str) -> Any:
-    return Annotated[Any, typer.Option(*names, help=help, metavar=metavar, parser=parser)]
+    return typer.Option(*names, help=help, metavar=metavar, parser=parser)
 
 
 Text = str | None
@@ -31,21 +31,40 @@ Given = Annotated[
 ]
 Some = Annotated[Text, typer.Argument(help="A built-in scene, or a file that defines CASES.")]
 Chosen = Annotated[Text, typer.Option("--case", help="Scene of the file, by name.", metavar="NAME")]
-Elements = _option("Elements of each beam, or of all.", "LIST", read.listed(read.mesh, read.MESHES))
-Mesh = _option("Elements of each beam, or of all.", "MESH", read.parser(read.mesh, read.MESHES), "--elements")
-Steps = _option("Time steps, s: 1e-5,5e-6.", "LIST", read.listed(read.positive, read.NUMBERS), "--dt")
-Step = _option("Time step, s: 1e-3.", "NUMBER", read.parser(read.positive, read.NUMBERS), "--dt")
-Solvers = _option("Solvers by name (see `anctmm list`): a,b.", "LIST", read.named(read.solvers, True))
-Element = _option("Element: cable, quintic, shear, rigid.", "NAME", read.named(read.element_names))
-Integrator = _option(
-    "Integrator: generalized-alpha, zhai, esdirk.", "NAME", read.named(read.integrator_names)
-)
-Target = _option(
-    "Target error, relative: 1e-3.", "NUMBER", read.parser(read.positive, read.NUMBERS), "--error"
-)
-Budget = _option(
-    "CPU time of the steps: 0.5s, 20ms.", "TIME", read.parser(read.duration, "positive times such as 20ms, 0.5s")
-)  # fmt: skip
+Elements = Annotated[
+    Any, _option("Elements of each beam, or of all.", "LIST", read.listed(read.mesh, read.MESHES))
+]
+Mesh = Annotated[
+    Any,
+    _option("Elements of each beam, or of all.", "MESH", read.parser(read.mesh, read.MESHES), "--elements"),
+]
+Steps = Annotated[
+    Any, _option("Time steps, s: 1e-5,5e-6.", "LIST", read.listed(read.positive, read.NUMBERS), "--dt")
+]
+Step = Annotated[
+    Any, _option("Time step, s: 1e-3.", "NUMBER", read.parser(read.positive, read.NUMBERS), "--dt")
+]
+Solvers = Annotated[
+    Any, _option("Solvers by name (see `anctmm list`): a,b.", "LIST", read.named(read.solvers, True))
+]
+Element = Annotated[
+    Any, _option("Element: cable, quintic, shear, rigid.", "NAME", read.named(read.element_names))
+]
+Integrator = Annotated[
+    Any, _option("Integrator: generalized-alpha, zhai, esdirk.", "NAME", read.named(read.integrator_names))
+]
+Target = Annotated[
+    Any,
+    _option("Target error, relative: 1e-3.", "NUMBER", read.parser(read.positive, read.NUMBERS), "--error"),
+]
+Budget = Annotated[
+    Any,
+    _option(
+        "CPU time of the steps: 0.5s, 20ms.",
+        "TIME",
+        read.parser(read.duration, "positive times such as 20ms, 0.5s"),
+    ),
+]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=9999, help="Processes that compute errors; times are in turn.")
@@ -53,19 +72,26 @@ Workers = Annotated[
 Cluster = Annotated[
     Text, typer.Option(help="Scheduler of a dask cluster that computes errors: tcp://host:8786.")
 ]
-RunOut = _option("Where files are written; default: results/CASE.", "PATH", read.path)
-StudyOut = _option("Where tables and pictures are written, in CASE/STUDY.", "PATH", read.path)
-PageOut = _option("Of page and tables; default: reports, or results/NAME for a file.", "PATH", read.path)
-Trade = _option(
-    "Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.", "PATH", read.path
-)
+RunOut = Annotated[Any, _option("Where files are written; default: results/CASE.", "PATH", read.path)]
+StudyOut = Annotated[Any, _option("Where tables and pictures are written, in CASE/STUDY.", "PATH", read.path)]
+PageOut = Annotated[
+    Any, _option("Of page and tables; default: reports, or results/NAME for a file.", "PATH", read.path)
+]
+Trade = Annotated[
+    Any,
+    _option(
+        "Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.", "PATH", read.path
+    ),
+]
 Rerun = Annotated[bool, typer.Option(help="Run the recommendation and check its error.")]
 Names = read.listed(read.word, "names")
-Only = _option("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST", Names)
-Checked = _option("Solvers by name: a,b.", "LIST", Names)
+Only = Annotated[Any, _option("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST", Names)]
+Checked = Annotated[Any, _option("Solvers by name: a,b.", "LIST", Names)]
 Update = Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")]
-Scenes = _option("Your Python file that defines WATCHED.", "PATH", read.path)
-Baselines = _option("Stored histories: anctmm's, or baselines/ beside your scenes.", "PATH", read.path)
+Scenes = Annotated[Any, _option("Your Python file that defines WATCHED.", "PATH", read.path)]
+Baselines = Annotated[
+    Any, _option("Stored histories: anctmm's, or baselines/ beside your scenes.", "PATH", read.path)
+]
 RESULTS = Path("results")
 
 
@@ -312,7 +338,7 @@ def _watches(
         raise BadOption(f"--scenes is {str(scenes)!r} beside file {file!r}; one of them is allowed")
     cases = cases_in(file) if case is None else find_cases(file, case)
     for one in cases:
-        check_fits(Options(meshes=elements and (elements,), steps=dt and (dt,)), one)
+        check_fits(Options(meshes=(elements,) if elements else None, steps=(dt,) if dt else None), one)
     return watches_of(cases, elements, dt)
 
 

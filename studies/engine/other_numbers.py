@@ -60,7 +60,7 @@ class Change:
         UnknownKindError
             If it has a part of a user's own kind.
         """
-        parts = {
+        parts: dict[str, Any] = {
             name: tuple(self._part(thing) for thing in getattr(scene, name))
             for name in ("bodies", "joints", "loads", "connectors")
         }

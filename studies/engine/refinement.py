@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from anctmm.discretise.discretisation import INTEGRATORS
-from anctmm.elements.kinds import KINDS, QUADRATURES
+from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError, ResultError
 from anctmm.model.case import Case
 from anctmm.model.scene import Probe
@@ -24,7 +24,7 @@ from anctmm.validation import one_of
 from studies.engine.meshes import coarsest_mesh, explicit_limit, longest_step
 from studies.engine.richardson import Part, Spacing, part_of
 from studies.engine.runner import Runner
-from studies.engine.trials import Given, Mesh, Trial
+from studies.engine.trials import Mesh, Trial
 
 EXPLICIT = "zhai"
 #: What is refined: axes of the levels.
@@ -41,7 +41,7 @@ TURNED = 1e-6
 
 @dataclass(frozen=True)
 class Setup:
-    """Solver, element, quadrature and integrator: all but mesh and step.
+    """Solver, element and integrator: all but mesh and step.
 
     Raises
     ------
@@ -52,14 +52,11 @@ class Setup:
     solver: str = "anctmm"
     element: str = "cable"
     integrator: str = "generalized-alpha"
-    quadrature: str = "full"
-    options: Given = ()
 
     def __post_init__(self) -> None:
         one_of("solver", self.solver, registry.names())
         one_of("element", self.element, KINDS)
         one_of("integrator", self.integrator, INTEGRATORS)
-        one_of("quadrature", self.quadrature, QUADRATURES)
 
     @property
     def own_element(self) -> str:
@@ -133,11 +130,8 @@ class Refinement:
 
     def trial(self, i: int, j: int) -> Trial:
         """The run of a level of mesh and one of step."""
-        s = self.setup
-        return Trial.of(
-            self.case, s.solver, self.mesh_at(i), element=s.element, quadrature=s.quadrature,
-            integrator=s.integrator, dt=self.dt_at(i, j), options=s.options,
-        )  # fmt: skip
+        s, mesh, dt = self.setup, self.mesh_at(i), self.dt_at(i, j)
+        return Trial.of(self.case, s.solver, mesh, element=s.element, integrator=s.integrator, dt=dt)
 
     def solution(self, i: int, j: int) -> Solution:
         """The run of a level, done once."""
@@ -244,8 +238,7 @@ class Refinement:
         if self.setup.integrator != EXPLICIT:
             return longest_step(self.case)
         mesh = Trial(self.case.scene, self.setup.solver, self.mesh_at(i)).by_body
-        options = {"element": self.setup.element, "quadrature": self.setup.quadrature}
-        return longest_step(self.case, explicit_limit(self.case, mesh, **options))
+        return longest_step(self.case, explicit_limit(self.case, mesh, element=self.setup.element))
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,10 @@ def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     """
     if not len(solution.t):
         return
-    every = [(*about, values, float(np.abs(values).max())) for *about, values in _series(solution, case)]
+    every = [
+        (name, what, unit, values, float(np.abs(values).max()))
+        for name, what, unit, values in _series(solution, case)
+    ]
     force = max((size for _, _, unit, _, size in every if unit == "N"), default=0.0)
     moment = max((size for _, _, unit, _, size in every if unit == "N m"), default=0.0)
     least = {"N": ROUNDING * force, "N m": ROUNDING * max(moment, force * case.scene.length)}

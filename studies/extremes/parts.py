@@ -141,7 +141,7 @@ def _finer(base: Base) -> Iterator[Row]:
         trial = replace(trial, t_end=STEPS * trial.dt, output_dt=trial.dt)
     while trial.elements <= MOST[base.quick]:
         run = base.run(trial, f"{trial.elements} elements")
-        about = {"elements": trial.elements, "dofs": run.dofs}
+        about: Row = {"elements": trial.elements, "dofs": run.dofs}
         if not run.status.ok:
             yield base.row(str(run.status), **about)
             return
@@ -273,7 +273,7 @@ def _loaded(scene: Scene, factor: float) -> Scene:
         return tuple(map(times, value)) if isinstance(value, tuple | list) else factor * value
 
     scaled = (replace(load, value=times(load.value)) for load in scene.loads)
-    return replace(scene, loads=tuple(scaled), gravity=tuple(factor * g for g in scene.gravity))
+    return replace(scene, loads=tuple(scaled), gravity=times(scene.gravity))
 
 
 def time(base: Base) -> Part:

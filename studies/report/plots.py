@@ -81,7 +81,7 @@ def log_axes(figure: Figure, axes: Sequence[Axes], labels: Sequence[tuple[str, s
 def floor(axes: Axes, uncertainty: float) -> None:
     """A line at the uncertainty of the reference."""
     if uncertainty > 0.0:
-        look = {"color": "#7f7f87", "linewidth": 1.0, "linestyle": (0, (2, 2))}
+        look: Any = {"color": "#7f7f87", "linewidth": 1.0, "linestyle": (0, (2, 2))}
         axes.axhline(uncertainty, label="uncertainty of the reference", **look)
 
 

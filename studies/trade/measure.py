@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite, nan
-from typing import Any
+from typing import Any, cast
 
 import pandas as pd
 from numpy import nansum
@@ -14,6 +14,7 @@ from studies.engine.fronts import NEAR, excess, robust
 from studies.engine.refinement import EXPLICIT, STEP_ORDERS, Setup, difference, offer_of
 from studies.engine.runner import Runner
 from studies.engine.study import StudyError
+from studies.engine.tables import records
 from studies.engine.timing import least
 from studies.engine.trials import SHARED, Trial
 from studies.trade.settings import Levels, choices_of, steps_of
@@ -48,19 +49,20 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
     rows: list[dict[str, Any]] = []
     rates: dict[tuple[str, ...], float] = {}
     fine: dict[tuple[Any, ...], Fine] = {}
-    for (mesh, step), batch in settings.groupby("round"):
+    for place, batch in settings.groupby("round"):
+        mesh, step = cast(tuple[int, int], place)
         seconds = [rates.get(_family(trial), 0.0) * trial.work for trial in batch["trial"]]
         work = [trial.work <= MOST_WORK[runner.quick] for trial in batch["trial"]]
         batch = batch[[s <= MOST_S[runner.quick] and w for s, w in zip(seconds, work, strict=True)]]
         runner.heading = f"{levels.case.name}, mesh {mesh + 1}, step {step + 1}: "
-        for setting, solution in zip(batch.itertuples(), runner.solve_many(batch["trial"]), strict=True):
-            trial = setting.trial
+        for setting, solution in zip(records(batch), runner.solve_many(batch["trial"]), strict=True):
+            trial = setting["trial"]
             seconds_of_call = nansum([solution.cost.cpu_s, solution.cost.build_s])
             rates[_family(trial)] = seconds_of_call / trial.work if solution.cost.steps else nan
-            place = _place(trial)
-            if solution.status.ok and place not in fine:
-                fine[place] = _fine(levels, trial, runner)
-            rows.append(_row(levels, setting, solution, fine.get(place)))
+            own = _place(trial)
+            if solution.status.ok and own not in fine:
+                fine[own] = _fine(levels, trial, runner)
+            rows.append(_row(levels, setting, solution, fine.get(own)))
     if not rows:
         raise StudyError(
             f"each setting of case {levels.case.name!r} takes more than {MOST_WORK[runner.quick]:g} elements times "
@@ -110,10 +112,10 @@ def _tight(solver: str) -> tuple[tuple[str, Any], ...]:
     return tuple((k, NEWTON if k == "newton_tolerance" else v) for k, v in choices_of(solver)[0])
 
 
-def _row(levels: Levels, setting: Any, solution: Solution, fine: Fine) -> dict[str, Any]:
-    trial, reference, cost = setting.trial, levels.reference_of(setting.trial.element), solution.cost
+def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine) -> dict[str, Any]:
+    trial, cost = setting["trial"], solution.cost
+    reference = levels.reference_of(trial.element)
     asked = dict(trial.options)
-    complete = fine is not None and solution.status.ok
     return {
         "scene": levels.case.name, "solver": trial.solver,
         "element": offer_of(trial.solver).element_of(trial.element), "asked": trial.element,
@@ -123,11 +125,11 @@ def _row(levels: Levels, setting: Any, solution: Solution, fine: Fine) -> dict[s
         "own": str({k: v for k, v in trial.options if k not in SHARED}), "steps": cost.steps,
         "newton_iterations": cost.newton_iterations, "error": reference.error_of(solution),
         "mesh_error": reference.error_of(fine[0]) if fine else nan,
-        "step_error": difference(solution, fine[0], levels.case.probes) if complete else nan,
+        "step_error": difference(solution, fine[0], levels.case.probes) if fine and solution.status.ok else nan,
         "reference_error": reference.uncertainty, "step_reference_error": fine[1] if fine else nan,
         "cpu_s": cost.cpu_s, "cpu_spread": nan, "build_s": cost.build_s, "repeats": 1,
         "status": str(solution.status), "reference": reference.name,
-        "trial": trial, "tightest": setting.tightest, "kind": setting.kind,
+        "trial": trial, "tightest": setting["tightest"], "kind": setting["kind"],
     }  # fmt: skip
 
 

@@ -118,7 +118,7 @@ def read(folder: Path) -> Measured:
     RecommendError
         If a table is missing, cannot be read, or is another one.
     """
-    frames = []
+    frames: list[Any] = []
     points = "points" if (folder / "points.csv").is_file() else "front"
     for name, needed in zip((points, "histories", "references"), NEEDED, strict=True):
         path = folder / f"{name}.csv"
@@ -133,7 +133,7 @@ def read(folder: Path) -> Measured:
                 f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
             )
         frames.append(frame)
-    return Measured(*frames, origin=str(folder))
+    return Measured(*frames, str(folder))
 
 
 def of_result(result: Result) -> Measured:
@@ -146,8 +146,8 @@ def of_result(result: Result) -> Measured:
     """
     if not result.good:
         raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    frames = [result.table(name).frame for name in ("points", "histories", "references")]
-    return Measured(*frames, origin="measured now")
+    frames: list[Any] = [result.table(name).frame for name in ("points", "histories", "references")]
+    return Measured(*frames, "measured now")
 
 
 def _is_of(measured: Measured, case: Case) -> bool:
@@ -228,14 +228,15 @@ def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) ->
     mine = points.sort_values("cpu_s", kind="stable")
     affordable = mine[mine["cpu_s"] <= (np.inf if budget_s is None else budget_s)]
     able = affordable if error is None else reaching(affordable, error)
+    remarks: tuple[str, ...] = ()
     by_bound = affordable.sort_values(["error_bound", "cpu_s"])
     if affordable.empty:
         remark = f"no measured setting is that cheap: the cheapest one takes {mine['cpu_s'].iloc[0]:.2g} s"
         chosen, others, remarks = mine.iloc[0], mine, (remark,)
     elif error is None:
-        chosen, others, remarks = by_bound.iloc[0], affordable, ()
+        chosen, others = by_bound.iloc[0], affordable
     elif len(able):
-        chosen, others, remarks = able.iloc[0], able, ()
+        chosen, others = able.iloc[0], able
     else:
         chosen, others, remarks = by_bound.iloc[0], able, _why_not(mine, error, budget_s)
     return Choice(chosen.to_dict(), _others(others, chosen), not remarks, remarks)
@@ -301,7 +302,9 @@ def _arguments(run: Discretisation) -> str:
     plain = Discretisation()
     names = ["mesh", "element", "quadrature", "integrator", "t_end", "output_dt", "newton_tolerance"]
     names.append("dt" if run.tolerance is None else "tolerance")
-    given = {n: getattr(run, n) for n in names if n in ("element", "dt") or getattr(run, n) != getattr(plain, n)}
+    given = {
+        n: getattr(run, n) for n in names if n in ("element", "dt") or getattr(run, n) != getattr(plain, n)
+    }
     return ", ".join(f"{n}={dict(v) if isinstance(v, dict) else v!r}" for n, v in given.items())
 
 
@@ -334,8 +337,8 @@ def _error_at(solution: Solution, probe: Any, known: pd.DataFrame) -> float:
     """Error of a solution at a probe against a history of the reference."""
     body, key = solution.scene.probe(probe)
     mine = known[known["body"] == body]
-    name = isinstance(key, str)
-    mine = mine[[str(f) == key if name else abs(float(f) - key) < 1e-6 for f in mine["fraction"]]]
+    keys = mine["fraction"].map(str if isinstance(key, str) else float)
+    mine = mine[keys == key if isinstance(key, str) else np.isclose(keys, key, atol=1e-6)]
     u, t = solution.displacement(probe), mine["t"].to_numpy()
     if not solution.status.ok or len(t) < 2 or len(t) != len(u) or not np.allclose(solution.t, t):
         return float("nan")

@@ -1,6 +1,7 @@
 """The trade of error for time of one case: every solver over meshes and steps, and the front."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -132,7 +133,7 @@ def _picture(scene: str, rows: pd.DataFrame) -> Picture:
         axes = figure.subplots()
         for solver, own in rows[rows["in_turn"]].groupby("solver", sort=False):
             line, name = front(own), str(solver)
-            look = {"color": solver_colour(name), "marker": solver_marker(name), "markersize": 4}
+            look: Any = {"color": solver_colour(name), "marker": solver_marker(name), "markersize": 4}
             axes.plot(line["cpu_s"], line["error_bound"], label=name, **look)
         floor(axes, float(np.nanmax(rows["reference_error"])))
         log_axes(figure, [axes], [("CPU time of the steps (s)", "relative error (bound)")])

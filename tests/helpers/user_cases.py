@@ -3,9 +3,9 @@
 from pathlib import Path
 
 FOLDER = Path(__file__).parent / "cases"
-DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN, THREE_SUPPORTS = (
+ARM, DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN, THREE_SUPPORTS = (
     str(FOLDER / f"{name}.py")
-    for name in ("double_pendulum", "portal_frame", "thrown_chain", "three_supports")
+    for name in ("arm", "double_pendulum", "portal_frame", "thrown_chain", "three_supports")
 )
 #: One with bodies of all kinds, springs and a guide: what pictures have to show.
 SLIDER_CRANK = str(FOLDER / "slider_crank.py")

@@ -32,7 +32,7 @@ def installed(tmp_path, monkeypatch):
 def test_a_solver_of_one_module_is_in_the_trade_and_in_the_convergence_study():
     bar = at.RigidBody("bar", 1.0, 0.02, (0.25, 0.0), points={"o": (0.0, 0.0), "p": (0.5, 0.0)})
     scene = at.Scene("pendulum", [bar], [at.Pin("bar.o")], gravity=(0, -9.81))
-    case = at.Case(scene, ["bar.p"], t_end=0.1, output_dt=0.01)
+    case = at.Case(scene, ["bar.p"], t_end=0.05, output_dt=0.01)
     options = Options(quick=True, cases=(case,), solvers=("anctmm", "another"))
     equal = run(options, Runner(quick=True)).table("at_equal_error").frame
     assert set(equal["solver"]) == {"anctmm", "another"}

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME
+from user_cases import ARM, PORTAL_FRAME
 
 import anctmm as at
 from studies.cases import find_case
@@ -18,7 +18,7 @@ from studies.trade.settings import not_timed
 from studies.trade.study import run
 from studies.trade.tables import at_equal_error, recommended
 
-CASE = find_case(DOUBLE_PENDULUM)
+CASE = find_case(ARM)
 SOLVERS = ("anctmm", "global-dae", "exudyn-cable")
 
 
@@ -145,11 +145,11 @@ def test_recommendations_are_found_where_the_study_writes_and_meet_their_target(
     monkeypatch.chdir(tmp_path)
     write_study(Done(CASE.name, result), Path("results"))
     measured = recommend.find(CASE)
-    assert measured.origin == "results/double-pendulum/trade"
+    assert measured.origin == "results/arm/trade"
     choice = recommend.choose(recommend.narrowed(measured.points, CASE.name, Options()), 1e-2, None)
     assert choice.reached
-    assert "find_case" in recommend.script(choice.line, CASE, DOUBLE_PENDULUM)
-    again = recommend.rerun(choice.line, CASE, DOUBLE_PENDULUM, measured, 1e-2, True)
+    assert "find_case" in recommend.script(choice.line, CASE, ARM)
+    again = recommend.rerun(choice.line, CASE, ARM, measured, 1e-2, True)
     assert again.met
     assert again.error == pytest.approx(choice.line["error"], rel=1e-3)
 

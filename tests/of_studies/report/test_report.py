@@ -5,6 +5,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 from browser import Tab, needs_chromium
+from user_cases import ARM
 
 import anctmm as at
 from studies.cases import find_case
@@ -79,26 +80,20 @@ def test_a_study_that_fits_no_case_is_refused():
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """The report of a mass on a spring and of a bar that turns, by one solver."""
+    """The report of a bar and of a soft arm, whose trade is of one solver."""
     folder = tmp_path_factory.mktemp("report")
     bar = at.RigidBody("bar", 1.0, 0.02, (0.25, 0.0), points={"o": (0.0, 0.0), "tip": (0.5, 0.0)})
     turning = at.Scene(
         "a bar of rigid parts that turns about a pin", [bar], [at.Pin("bar.o")], gravity=(0, -9.81)
     )
-    cases = (at.Case(turning, ["bar.tip"], t_end=0.1, output_dt=0.01), soft_arm())
-    runner = Runner(folder / "store", quick=True)
-    options = Options(quick=True, cases=cases)
-    names = ("convergence", "fidelity", "extremes")
-    done = [one for name in names for one in run_study(name, options, runner)]
-    done += run_study("trade", replace(options, solvers=("anctmm", "global-dae")), runner)
+    cases = (at.Case(turning, ["bar.tip"], t_end=0.1, output_dt=0.01), find_case(ARM))
+    runner, options = Runner(folder / "store", quick=True), Options(quick=True, cases=cases)
+    done = [
+        one for name in ("convergence", "fidelity", "extremes") for one in run_study(name, options, runner)
+    ]
+    done += run_study("trade", replace(options, cases=cases[1:], solvers=("anctmm",)), runner)
     write_report(done, folder / "report", True, ("my.py", None))
     return done, folder / "report"
-
-
-def soft_arm():
-    beam = at.Beam("arm", (0, 0), (0.4, 0), at.Circle(0.02), at.Material(E=1e8, density=1000.0))
-    scene = at.Scene("arm", [beam], [at.Pin("arm.start")], gravity=(0, -9.81))
-    return at.Case(scene, ["arm.end"], t_end=0.05, output_dt=0.005)
 
 
 @pytest.mark.slow
