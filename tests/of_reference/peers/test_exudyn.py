@@ -5,7 +5,6 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
@@ -50,125 +49,9 @@ def four_bar(first, *loads):
     return Scene("four-bar", bodies, [first, *pins], loads)
 
 
-class Cantilever:
-    """The cantilever of cables once more, in a few lines that share nothing with the project's elements."""
-
-    def __init__(self, elements, quadrature="full"):
-        kind, axial, bending = RULES[quadrature]
-        self.l = L / elements
-        x, w = self.gauss(axial) if kind == "gauss" else (np.array([0.0, 0.5, 1.0]), np.array([1, 4, 1]) / 6)
-        self.B, self.w = self.shapes(x)[1], EA * self.l * w
-        x, w = self.gauss(bending)
-        _, self.D, self.C = self.shapes(x)
-        self.v = EI * self.l * w
-        self.rows = 2 * np.arange(elements)[:, None] + np.arange(4)
-        size = 2 * elements + 2
-        self.mass, self.weight, self.reference = np.zeros((size, size)), np.zeros(size), np.zeros((size, 2))
-        x, w = self.gauss(4)
-        N = self.shapes(x)[0]
-        for i in self.rows:
-            self.mass[np.ix_(i, i)] += RHO_A * self.l * (N.T * w) @ N
-            self.weight[i] += RHO_A * self.l * (w @ N)
-        self.reference[::2, 0], self.reference[1::2, 0] = np.linspace(0.0, L, elements + 1), 1.0
-
-    @staticmethod
-    def gauss(points):
-        x, w = np.polynomial.legendre.leggauss(points)
-        return (x + 1) / 2, w / 2
-
-    def shapes(self, x):
-        l, one = self.l, np.ones_like(x)  # noqa: E741
-        N = [1 - 3 * x**2 + 2 * x**3, l * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3, l * (x**3 - x**2)]
-        B = [6 * (x**2 - x) / l, 1 - 4 * x + 3 * x**2, 6 * (x - x**2) / l, 3 * x**2 - 2 * x]
-        C = [(12 * x - 6) / l**2, (6 * x - 4) / l, (6 - 12 * x) / l**2, (6 * x - 2) / l]
-        return np.array(N).T, np.array(B).T, np.array(C).T * one[:, None]
-
-    def curvature(self, q):
-        b, c = self.D @ q, self.C @ q
-        s = (b * b).sum(-1)
-        return b, c, s, (b[..., 0] * c[..., 1] - b[..., 1] * c[..., 0]) / s
-
-    def energy(self, q):
-        q = q[self.rows]
-        b = self.B @ q
-        strain, curvature = np.sqrt((b * b).sum(-1)) - 1, self.curvature(q)[3]
-        return 0.5 * ((strain**2 @ self.w).sum() + (curvature**2 @ self.v).sum())
-
-    def element_force(self, q):
-        b = self.B @ q
-        r = np.sqrt((b * b).sum(-1))
-        force = self.B.T @ ((self.w * (r - 1) / r)[..., None] * b)
-        b, c, s, k = self.curvature(q)
-        by_b = np.stack([c[..., 1], -c[..., 0]], -1) - 2 * k[..., None] * b
-        by_c = np.stack([-b[..., 1], b[..., 0]], -1)
-        moment = (self.v * k / s)[..., None]
-        return force + self.D.T @ (moment * by_b) + self.C.T @ (moment * by_c)
-
-    def force(self, q):
-        force = np.zeros_like(q)
-        np.add.at(force, self.rows, self.element_force(q[self.rows]))
-        return force
-
-    def tangent(self, q):
-        steps = 1e-30j * np.eye(8).reshape(8, 1, 4, 2)
-        columns = self.element_force(q[self.rows][None] + steps).imag / 1e-30
-        K = np.zeros((q.size, q.size))
-        for e, i in enumerate(self.rows):
-            c = (2 * i[:, None] + np.arange(2)).ravel()
-            K[np.ix_(c, c)] += columns[:, e].reshape(8, 8).T
-        return K
-
-    def hub(self, theta):
-        """Clamped node on a hub turned by theta."""
-        return np.array([[0.0, 0.0], [cos(theta), sin(theta)]])
-
-    def generalized_alpha(self, gravity, rho, dt, steps, angle=lambda t: 0.0):
-        """Arnold & Brüls (2007), algorithm 1; the clamped node is prescribed by its position alone."""
-        am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
-        gamma, load = 0.5 + af - am, np.outer(self.weight, [0.0, -gravity])
-        beta = 0.25 * (gamma + 0.5) ** 2
-        to_a, to_v = (1 - am) / (dt**2 * beta * (1 - af)), gamma / (dt * beta)
-        q, free = self.reference.copy(), np.s_[2:]
-        v, a = np.zeros_like(q), np.zeros_like(q)
-        a[free] = np.linalg.solve(self.mass[free, free], (load - self.force(q))[free])
-        algorithmic, history = a.copy(), [q.copy()]
-        mass = np.kron(self.mass, np.eye(2))
-        for n in range(steps):
-            q += dt * v + dt**2 * (0.5 - beta) * algorithmic
-            v += dt * (1 - gamma) * algorithmic
-            algorithmic = (af * a - am * algorithmic) / (1 - am)
-            q += dt**2 * beta * algorithmic
-            v += dt * gamma * algorithmic
-            a[:] = 0.0
-            correction = np.zeros_like(q)
-            correction[:2] = self.hub(angle((n + 1) * dt)) - q[:2]
-            for _ in range(12):
-                q += correction
-                v += to_v * correction
-                a += to_a * correction
-                algorithmic += (1 - af) / (1 - am) * to_a * correction
-                if 0.0 < np.abs(correction[free]).max() < 1e-12:
-                    break
-                residual = (self.mass @ a + self.force(q) - load)[free].ravel()
-                matrix = (mass * to_a + self.tangent(q))[4:, 4:]
-                correction = np.zeros_like(q)
-                correction[free] = -np.linalg.solve(matrix, residual).reshape(-1, 2)
-            history.append(q.copy())
-        return np.array(history)
-
-
 def coordinates(solution, body="beam"):
     q = solution.fields[body].coordinates
     return q.reshape(len(q), -1, 2)
-
-
-@pytest.mark.parametrize("quadrature", QUADRATURES)
-def test_the_check_itself_has_a_force_that_is_the_gradient_of_its_energy(quadrature):
-    beam, rng = Cantilever(3, quadrature), np.random.default_rng(1)
-    q = beam.reference + 0.2 * rng.standard_normal(beam.reference.shape)
-    direction = rng.standard_normal(q.shape)
-    slope = beam.energy(q + 1e-30j * direction).imag / 1e-30
-    assert slope == pytest.approx((beam.force(q) * direction).sum(), rel=1e-13)
 
 
 @pytest.mark.parametrize("quadrature", QUADRATURES)
@@ -177,34 +60,6 @@ def test_small_tip_load_gives_euler_bernoulli(quadrature):
     rest = exudyn_cable.solve_static(cantilever(Force("beam.end", (0.0, -P))), mesh=2, quadrature=quadrature)
     assert rest.status.ok, rest.status
     assert rest.position("beam", 1.0)[-1, 1] == pytest.approx(-P * L**3 / (3 * EI), rel=1e-8)
-
-
-@pytest.mark.parametrize("quadrature", QUADRATURES)
-def test_static_cantilever_is_the_minimum_of_the_cable_energy(quadrature):
-    P, check = 3 * EI / L**2, Cantilever(3, quadrature)
-    scene = cantilever(Force("beam.end", (0.0, -P)))
-    rest = exudyn_cable.solve_static(scene, mesh=3, quadrature=quadrature, load_steps=8)
-    assert rest.status.ok, rest.status
-    np.testing.assert_allclose(rest.t, np.linspace(0.0, 1.0, 9), atol=1e-12)
-
-    def full(x):
-        return np.concatenate([check.reference[:2], x.reshape(-1, 2)])
-
-    def energy(x):
-        return check.energy(full(x)) + P * full(x)[-2, 1]
-
-    def gradient(x):
-        g = check.force(full(x))
-        g[-2, 1] += P
-        return g[2:].ravel()
-
-    x = coordinates(rest)[4, 2:].ravel()
-    found = minimize(
-        energy, x, jac=gradient, hess=lambda x: check.tangent(full(x))[4:, 4:], method="trust-exact",
-        options={"gtol": 1e-10},
-    )  # fmt: skip
-    x = found.x - np.linalg.solve(check.tangent(full(found.x))[4:, 4:], gradient(found.x))
-    assert np.abs(coordinates(rest)[-1] - full(x)).max() < 1e-9
 
 
 def test_end_moment_rolls_up_a_circle():
@@ -222,29 +77,6 @@ def test_reissner_beam_tends_to_timoshenko(order, elements, error):
     rest = exudyn_reissner.solve_static(scene, **options)
     exact = -P * L**3 / (3 * EI) - P * L / (1e-4 * shear)
     assert rest.position("beam", 1.0)[-1, 1] == pytest.approx(exact, rel=error)
-
-
-@pytest.mark.parametrize(("quadrature", "rho"), [("full", 0.9), ("lobatto", 0.6)])
-def test_generalized_alpha_is_arnold_and_bruels(quadrature, rho):
-    """Algorithmic acceleration a₀ at the start, M a = F at the end of each step: nothing else gives 1e-9."""
-    ours = Cantilever(8, quadrature).generalized_alpha(G, rho, 1e-3, 1000)
-    run = Discretisation(mesh=8, quadrature=quadrature, spectral_radius=rho, dt=1e-3, t_end=1.0)
-    peer = exudyn_cable.solve(cantilever(gravity=G), run, tolerances=TIGHT)
-    assert peer.status.ok, peer.status
-    error = np.abs(coordinates(peer) - ours)
-    assert error[:, ::2].max() < 1e-9 * L  # positions
-    assert error[:2].max() < 1e-12  # one step, before Newton's errors add up
-    assert np.abs(ours[:, -2, 1]).max() > 0.5 * L
-
-
-def test_prescribed_coordinates_enter_by_their_position_alone():
-    """Their rates and accelerations are those of the integrator's formulas, not the drive's."""
-    drive = Quintic(turn=pi / 2, duration=1.0)
-    ours = Cantilever(4).generalized_alpha(0.0, 0.9, 1e-3, 400, lambda t: float(drive(t)[0]))
-    peer = exudyn_cable.solve(cantilever(angle=drive), mesh=4, dt=1e-3, t_end=0.4, tolerances=(1e-9, 1e-10))
-    assert peer.status.ok, peer.status
-    assert np.abs(coordinates(peer) - ours).max() < 1e-9 * L
-    assert np.abs(ours[-1] - ours[0]).max() > 0.1
 
 
 @pytest.mark.parametrize("peer", PEERS)

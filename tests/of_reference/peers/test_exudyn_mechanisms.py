@@ -132,6 +132,18 @@ TENDING = {
 }  # fmt: skip
 
 
+#: Of which every run of the tests looks at the limits; at the others the exhaustive ones do.
+USUAL = {
+    "a plate with a spring", "a plate welded to a beam", "a driven crank", "a beam in a plate's guide, not turning",
+    "a mass in a plate's guide", "welded plates",
+}  # fmt: skip
+
+
+def usual(names, chosen):
+    """Names as parameters, those that are not chosen for exhaustive runs."""
+    return [pytest.param(n, marks=() if n in chosen else pytest.mark.exhaustive) for n in sorted(names)]
+
+
 def both(scene, steps):
     run = {"mesh": 2, "dt": 0.2 / steps, "t_end": 0.2, "output_dt": 0.02, "spectral_radius": 1.0}
     found = (
@@ -149,7 +161,7 @@ def test_equal_steps_give_equal_motions(name):
     assert at.compare(exudyn, dae, [probe(body) for body in scene.bodies]).error < 1e-8
 
 
-@pytest.mark.parametrize("name", TENDING)
+@pytest.mark.parametrize("name", usual(TENDING, USUAL))
 def test_rigid_bodies_tend_to_one_motion(name):
     scene = TENDING[name]
     pairs = [both(scene, steps) for steps in (100, 200, 400)]
@@ -166,7 +178,9 @@ def test_rigid_bodies_tend_to_one_motion(name):
 INSIDE = {name for name, scene in EQUAL.items() if "interior-loads" in dict(needs(scene))}
 
 
-@pytest.mark.parametrize("name", sorted((EQUAL | TENDING).keys() - INSIDE))
+@pytest.mark.parametrize(
+    "name", usual((EQUAL | TENDING).keys() - INSIDE, USUAL | {"a slider", "a spring", "followers"})
+)
 def test_shear_flexible_beams_move_nearly_as_cables(name):
     """Slender beams: another element at the same places, so that wrong directions or places would show."""
     scene, run = (EQUAL | TENDING)[name], {"mesh": 8, "dt": 2e-3, "t_end": 0.2, "output_dt": 0.02}
