@@ -72,12 +72,14 @@ def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
 
 
 def in_turn(
-    calls: Mapping[str, Callable[[], Sample]], rounds: int, warm: Mapping[str, Callable[[], object]]
+    calls: Mapping[str, Callable[[], Sample]],
+    rounds: int,
+    warm: Mapping[str, Callable[[], object]] | None = None,
 ) -> dict[str, list[Sample]]:
     """Call several contestants in turn, on one core, after one unmeasured round: all meet the same disturbances."""
     found: dict[str, list[Sample]] = {name: [] for name in calls}
     with undisturbed():
-        for begin in warm.values():  # what compiles may use every core
+        for begin in (calls if warm is None else warm).values():  # what compiles may use every core
             begin()
         with pinned():
             for _ in range(rounds):
