@@ -54,7 +54,7 @@ def elements_of(meshes: Sequence[Mesh], by_velocity: float) -> Elements:
     stiff = [
         mesh.element.stiffened(1.0 + by_velocity * mesh.element.damping, stresses=False) for mesh, _ in runs
     ]
-    return Elements(
+    return Elements(  # type: ignore[call-arg]
         np.array([_addresses(mesh) for mesh, _ in runs], dtype=np.int64).reshape(-1, len(KERNELS)),
         np.array([mesh.number(e, 0) for mesh, e in runs], dtype=np.int64),
         np.array([min(BLOCK, mesh.elements - e) for mesh, e in runs], dtype=np.int64),

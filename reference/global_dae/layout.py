@@ -134,10 +134,10 @@ class Layout:
             v.append(mesh.velocity().ravel())
             unit.append(np.tile([scene.length] * 2 + [1.0] * (2 * mesh.vectors - 2), count + 1))
         self.flexible = size
-        for body in (body for body in scene.bodies if body.name not in self.meshes):
-            solid = thin_bar(body) if isinstance(body, Beam) else body
+        for other in (body for body in scene.bodies if body.name not in self.meshes):
+            solid = thin_bar(other) if isinstance(other, Beam) else other
             turns = isinstance(solid, RigidBody)
-            self.rigid[body.name], self.first[body.name] = solid, size
+            self.rigid[other.name], self.first[other.name] = solid, size
             q.append(np.array([*solid.position_at("center"), *([1.0, 0.0] if turns else [])]))
             v.append(
                 np.array([*solid.velocity, *([0.0, solid.spin] if isinstance(solid, RigidBody) else [])])

@@ -118,7 +118,7 @@ class Rival:
         v = layout.velocity - saddle.Nearest(self.J)(self.J @ layout.velocity + c.rate(q, p))
         damping = system.beams.damping(q, v)
         a, mu = saddle.Saddle(system.mass, self.J).solve(system.force(q, v, 0.0) + damping, c.right(q, v, p))
-        return steps.Motion(
+        return steps.Motion(  # type: ignore[call-arg]
             q, v, a, a.copy(), damping, mu / scale, *np.zeros((5, n)), *np.zeros((2, n + m)), layout.unit, np.zeros(n),
             np.zeros(steps.ITERATIONS), np.zeros(4, dtype=np.int64), np.zeros(1),
         )  # fmt: skip
@@ -144,7 +144,7 @@ class Rival:
 
     def march(self, solver: str) -> Solution:
         """To the end, or as far as it goes."""
-        run, step, batch, outputs = self.run, 0, 16, list[tuple[Array, ...]]()
+        run, step, batch, outputs = self.run, 0, 16, list[tuple[Any, ...]]()
         march: Any = steps.explicit_steps if run.explicit else steps.implicit_steps
         march(self.equations, 0, self._tables(0, 0), self._room(0))  # compiles
         start, status = (process_time(), perf_counter()), Status()
@@ -187,7 +187,7 @@ class Rival:
 
     def _room(self, count: int) -> History:
         states = (np.empty((count, self.n)) for _ in range(3))
-        return History(*states, np.empty((count, self.m)), np.empty(count))
+        return History(*states, np.empty((count, self.m)), np.empty(count))  # type: ignore[call-arg]
 
     def _tables(self, first: int, last: int) -> Tables:
         """Values of loads and right-hand sides at the steps first … last − 1."""
@@ -201,7 +201,7 @@ class Rival:
         self.p = self.rows.parameters(t)
         return Tables(loads, *self.rows(self.p))
 
-    def _outputs(self, first: int, done: int, tables: Tables, history: History) -> tuple[Array, ...]:
+    def _outputs(self, first: int, done: int, tables: Tables, history: History) -> tuple[Any, ...]:
         """Steps of a batch that are wanted: their numbers, q, v, a, work, and angles."""
         q, v, a, mu, lost = (part[:done] for part in history)
         number = first + np.arange(done)
@@ -247,7 +247,7 @@ class Rival:
         return failed_step(self.layout, failure, step, self._time(step), advice)
 
     def _solution(
-        self, solver: str, outputs: list[tuple[Array, ...]], count: int, spent: tuple[float, float], status: Status
+        self, solver: str, outputs: list[tuple[Any, ...]], count: int, spent: tuple[float, float], status: Status
     ) -> Solution:  # fmt: skip
         counts, system = self.equations.motion.counts, self.system
         factorizations = 1 if self.run.explicit and not self.dense else int(counts[steps.FACTORIZATIONS])

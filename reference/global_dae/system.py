@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ class System:
         """−∂f/∂q − `by_velocity` (1/s) ∂f/∂v."""
         K = self.beams.tangent(q, by_velocity)
         if parts := self._parts(q, v, t, factor):
-            blocks: Matrix = sparse.block_diag([by_x + by_velocity * by_y for _, by_x, by_y in parts])
+            blocks: Any = sparse.block_diag([by_x + by_velocity * by_y for _, by_x, by_y in parts])
             K = Matrix(K + self.acted_on.V.T @ blocks @ self.acted_on.V)
         return K
 
