@@ -144,10 +144,11 @@ def check_fits(options: Options, case: Case) -> None:
             "--case NAME chooses a motion, --elements its meshes"
         )
     for mesh in options.meshes or ():
-        _check_mesh(case.scene, mesh)
+        check_mesh(case.scene, mesh)
 
 
-def _check_mesh(scene: Scene, mesh: Mesh) -> None:
+def check_mesh(scene: Scene, mesh: Mesh) -> None:
+    """Refuse a mesh that fits neither all beams nor each."""
     names = [body.name for body in scene.beams]
     if len(mesh) not in (1, len(names)):
         allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
