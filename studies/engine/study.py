@@ -148,6 +148,7 @@ def check_fits(options: Options, case: Case) -> None:
 
 
 def check_mesh(scene: Scene, mesh: Mesh) -> None:
+    """Refuse a mesh that fits neither all beams nor each."""
     names = [body.name for body in scene.beams]
     if len(mesh) not in (1, len(names)):
         allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
