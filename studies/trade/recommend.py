@@ -133,7 +133,8 @@ def read(folder: Path) -> Measured:
                 f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
             )
         frames.append(frame)
-    return Measured(*frames, str(folder))
+    points, histories, references = frames
+    return Measured(points, histories, references, str(folder))
 
 
 def of_result(result: Result) -> Measured:
@@ -146,8 +147,10 @@ def of_result(result: Result) -> Measured:
     """
     if not result.good:
         raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    frames: list[Any] = [result.table(name).frame for name in ("points", "histories", "references")]
-    return Measured(*frames, "measured now")
+    points, histories, references = (
+        result.table(name).frame for name in ("points", "histories", "references")
+    )
+    return Measured(points, histories, references, "measured now")
 
 
 def _is_of(measured: Measured, case: Case) -> bool:

@@ -133,7 +133,7 @@ def with_ratios(rows: pd.DataFrame) -> pd.DataFrame:
         ratio=rows["cpu_s"] / rows["cpu_s"].min(),
         ratio_whole=rows["whole_s"] / rows["whole_s"].min(),
         corrections_per_step=corrections / rows["steps"],
-        ratio_per_correction=each / each.loc[rows["cpu_s"].idxmin()],
+        ratio_per_correction=each / each.to_numpy()[int(rows["cpu_s"].to_numpy().argmin())],
     )
 
 
