@@ -192,8 +192,8 @@ def paper() -> at.Scene:
 def items(quick: bool = False) -> Iterator[Item]:
     """Everything that is timed."""
     few = 1 if quick else None
-    for mesh in (8, 32) if quick else (8, 32, 128):
-        yield from _items("clamped beam, like settings", chain, mesh, (OURS, EXUDYN), quadrature="reduced")
+    for n in (8, 32) if quick else (8, 32, 128):
+        yield from _items("clamped beam, like settings", chain, n, (OURS, EXUDYN), quadrature="reduced")
     for each in FOUR_BARS[:few]:
         mesh, size = dict(zip(("crank", "coupler", "follower"), each, strict=True)), sum(each)
         like = {"mesh": mesh, "quadrature": "reduced"}
