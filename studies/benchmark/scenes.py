@@ -226,7 +226,7 @@ def _own() -> Iterator[Item]:
             yield from _items(f"{element} chain", made, mesh, element=element)
     yield Item("cable chain", chain, 32, "esdirk", {"mesh": 32})
     for element in ("shear", "cable"):
-        for kind, dt in (("explicit", 5e-6), ("implicit", 1e-3)):
+        for kind, dt in (("explicit", 2e-6), ("implicit", 1e-3)):
             options = {"mesh": 8, "element": element, "dt": dt}
             yield Item(f"four-bar, {element}", paper, 24, kind, options)
     for mesh in (8, 32):
