@@ -129,7 +129,7 @@ def findings(table: pd.DataFrame) -> tuple[str, ...]:
     long = known[known["contest"] == LONG].groupby("steps_kind", sort=False)
     return (
         *(_beside_exudyn(str(kind), rows) for kind, rows in peers),
-        *(_gain(int(n), rows.set_index("solver")["ratio_step"]) for n, rows in paper if len(rows) == 3),  # type: ignore[call-overload]
+        *(_gain(n, rows.set_index("solver")["ratio_step"]) for n, rows in paper if len(rows) == 3),
         *(_at_length(str(kind), rows) for kind, rows in long),
     )
 
@@ -145,7 +145,7 @@ def _beside_exudyn(kind: str, rows: pd.DataFrame) -> str:
     )
 
 
-def _gain(elements: int, ratio: "pd.Series[float]") -> str:
+def _gain(elements: Any, ratio: "pd.Series[float]") -> str:
     dense, sparse = ratio[DENSE], ratio[SPARSE]
     return (
         f"The paper's four-bar of {elements} elements: ANC-TMM's step takes {dense:.3g} times less than a global "

@@ -54,7 +54,12 @@ def loaded() -> Scene:
 
 def more(**parts: Any) -> Change:
     """With more bodies, joints, loads or connectors."""
-    return lambda scene: replace(scene, **{k: (*getattr(scene, k), *added) for k, added in parts.items()})
+
+    def change(scene: Scene) -> Scene:
+        added: dict[str, Any] = {k: (*getattr(scene, k), *more) for k, more in parts.items()}
+        return replace(scene, **added)
+
+    return change
 
 
 def joined(*joints: Any) -> Change:

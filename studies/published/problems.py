@@ -143,7 +143,7 @@ def spin_up(n: int) -> float:
 def squeezer(steps: int) -> dict[str, float]:
     """Angles of Andrews' squeezer at 0.03 s, rad: seven rigid bodies in three loops, with a spring."""
     scene = andrews_squeezer()
-    times = {"dt": SQUEEZED / steps, "t_end": SQUEEZED, "output_dt": SQUEEZED / OUTPUTS}
+    times: dict[str, Any] = {"dt": SQUEEZED / steps, "t_end": SQUEEZED, "output_dt": SQUEEZED / OUTPUTS}
     found = whole(at.solve(scene, integrator="esdirk", newton_tolerance=1e-12, **times))
     turns = {body.name: found.angle(f"{body.name}.center") for body in scene.bodies}
     return {name: float(angle[-1]) for name, angle in angles_of(turns).items()}

@@ -104,6 +104,14 @@ class Published:
         return converged(self.find, (finest // 4, finest // 2, finest))
 
 
+def _limit(k: int, n: int) -> float:
+    return p.lees_frame(n)[k]
+
+
+def _angle(name: str, n: int) -> float:
+    return p.squeezer(n)[name]
+
+
 # fmt: off
 PUBLISHED = (
     *(Published("elastica, F L²/EI = 3", f"tip displacement {'xy'[k]}", "m", printed, EXUDYN,
@@ -120,7 +128,7 @@ PUBLISHED = (
       for size, load, k, printed in [
           ("small", 5e5, 1, "8.09900305e-4"), ("large", 5e8, 0, "0.15097103"), ("large", 5e8, 1, "0.71056837")]),
     *(Published("Lee's frame", f"{name} limit load", "N", printed, "digitised",
-                lambda n, k=k: p.lees_frame(n)[k], 8, kind="curve")
+                partial(_limit, k), 8, kind="curve")
       for k, (name, printed) in enumerate([("first", "18.7e3"), ("second", "-9.3e3")])),
     Published("catenary, EI → 0", "lowest point y", "m", str(p.exact_catenary()), "exact (extensible)", p.catenary, 64,
               kind="exact"),
@@ -134,7 +142,7 @@ PUBLISHED = (
     Published("spin-up", "mean stretch of the steady turn", "m", "5.143e-4", SIMO, p.spin_up, 32,
               "linear theory, ρA Ω² L³/(3 EA), for a beam that stays straight"),
     *(Published("Andrews' squeezer", f"{name} at 0.03 s", "rad", repr(value), IVP,
-                lambda n, name=name: p.squeezer(n)[name], 1200, "the limit of three steps of fourth order")
+                partial(_angle, name), 1200, "the limit of three steps of fourth order")
       for name, value in SQUEEZED.items()),
     Published("flying spaghetti", "loaded end u_x at 7.5 s", "m", "10.1945", "one run of another code", kind="curve",
               note="a beam whose GA and rotary inertia are given apart from EA and EI: here they follow from one "

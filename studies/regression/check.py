@@ -156,7 +156,7 @@ def check(
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
     others = _unasked(tasks, baselines, file) if whole else ()
     if workers < 2 or len(tasks) < 2 or "fork" not in get_all_start_methods():
-        found = (_checked(task, baselines) for task in tasks)
+        found: Iterator[tuple[Finding, ...]] = (_checked(task, baselines) for task in tasks)
     else:
         found = _side_by_side(tasks, baselines, workers)
     return chain(found, [others] if others else [])
@@ -242,20 +242,20 @@ def _compared(task: Task, computed: History, stored: Baseline, against: str) -> 
     if stored.settings != task.settings:
         reason = _changes(stored.settings.split(", "), task.settings.split(", "))
         return replace(found, verdict=SETTINGS, reason=reason)
-    reason = _unlike(computed, stored.history)
-    if not reason and columns:
+    unlike = _unlike(computed, stored.history)
+    if not unlike and columns:
         found = replace(found, worst=_worst(computed, stored))
-        reason = _too_far(found, work=against == task.solver)
-    if reason is None:
+        unlike = _too_far(found, work=against == task.solver)
+    if unlike is None:
         return found
     scene = _changes(stored.physics, physics_of(task)) if stored.physics else ""
     scene = f"the scene has changed: {scene}" if scene else ""
-    return replace(found, verdict=DIFFERS, reason="; ".join(filter(None, (reason, scene))))
+    return replace(found, verdict=DIFFERS, reason="; ".join(filter(None, (unlike, scene))))
 
 
 def _unlike(computed: History, stored: History) -> str | None:
     """Why two histories have no common samples; None if they have."""
-    now, before = list(computed.frame), list(stored.frame)
+    now, before = [*map(str, computed.frame)], [*map(str, stored.frame)]
     if now != before:
         gone, come = (
             ", ".join(c for c in one if c not in other) for one, other in ((before, now), (now, before))
@@ -287,7 +287,7 @@ def _worst(computed: History, stored: Baseline) -> Worst:
     tolerance = np.array([stored.tolerances[quantity_of(c)].value for c in computed.frame])
     parts = np.nan_to_num(difference / tolerance, nan=np.inf)
     i, k = np.unravel_index(int(parts.argmax()), parts.shape)
-    column = computed.frame.columns[k]
+    column = str(computed.frame.columns[int(k)])
     return Worst(column, float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, isfinite, log10
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -49,7 +50,7 @@ def label(quantity: str, where: str = "") -> str:
     return f"{quantity} {where}".strip() + f" ({UNITS[quantity]})"
 
 
-def quantity_of(column: str) -> str:
+def quantity_of(column: Any) -> str:
     """The quantity of a column; ValueError if there is none."""
     for name in sorted(UNITS, key=len, reverse=True):
         if column.startswith((f"{name} ", f"{name} (")) and column.endswith(f" ({UNITS[name]})"):

@@ -106,8 +106,8 @@ def solution_of(task: Task, run: Motion) -> Solution:
         static = registry.static_of(name, solver)
         answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
     elif isinstance(run, FromRest):
-        start = registry.static_of(name, solver)(task.scene, run.equilibrium)
-        answer = solver(task.scene, run.motion, start=start, **options)
+        options["start"] = registry.static_of(name, solver)(task.scene, run.equilibrium)
+        answer = solver(task.scene, run.motion, **options)
     else:
         answer = solver(task.scene, run, **options)
     if not isinstance(answer, Solution):
@@ -257,4 +257,4 @@ def _comparison(task: Task, one: Solution, other: Solution) -> Columns:
 def _table(axis: str, columns: Columns) -> History:
     """A history whose samples are numbered."""
     values = dict(columns)
-    return History.of(np.arange(len(next(iter(values.values())))), axis, values)
+    return History.of(np.arange(float(len(next(iter(values.values()))))), axis, values)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -84,7 +85,10 @@ def junit(findings: Sequence[Finding]) -> str:
         cases = list(group)
         outcomes = [_outcome(f) for f in cases]
         kinds = {"failures": "failure", "errors": "error", "skipped": "skipped"}
-        counts = {"tests": str(len(cases)), **{k: str(outcomes.count(v)) for k, v in kinds.items()}}
+        counts: dict[str, Any] = {
+            "tests": str(len(cases)),
+            **{k: str(outcomes.count(v)) for k, v in kinds.items()},
+        }
         suite = ElementTree.SubElement(xml, "testsuite", name=scene, **counts)
         for f, outcome in zip(cases, outcomes, strict=True):
             _, run, solver = f.name.split("/")

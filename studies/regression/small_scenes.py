@@ -175,13 +175,13 @@ ANGLED_ROW = at.Scene(
 # The angled row under a load that it can bear.
 ANGLED_STILL = replace(
     ANGLED_ROW, name="small-angled-still", gravity=(0.6, -0.9),
-    loads=[at.Force("one.start", (0.01, 0.02)), at.Torque("three.start", 0.003)],
+    loads=(at.Force("one.start", (0.01, 0.02)), at.Torque("three.start", 0.003)),
 )
 # A continuous beam over a support: aligned welds, one held at the ground, and a pinned start.
 PLACES = [(0.3 * i, 0.1 * i) for i in range(4)]
 STRAIGHT_ROW = at.Scene(
     "small-straight-row",
-    [body("one", *PLACES[:2]), body("two", *PLACES[1:3], FIRM), body("three", *PLACES[2:])],
+    [body("one", PLACES[0], PLACES[1]), body("two", PLACES[1], PLACES[2], FIRM), body("three", PLACES[2], PLACES[3])],
     [at.Pin("one.start"), at.Weld("one.end", "two.start"), at.Weld("two.end", "three.start", grounded=True)],
     [at.Force("three.end", (0.3, -0.5)), at.Torque("one.end", 0.02)],
     GRAVITY,
@@ -250,7 +250,7 @@ OPTIONS = at.Scene(
 DRIVEN_CHAIN = replace(OPTIONS, name="small-driven-chain")
 DRIVEN_DAMPED = replace(
     OPTIONS, name="small-driven-damped",
-    bodies=[replace(b, material=replace(b.material, damping=2e-4)) for b in OPTIONS.beams],
+    bodies=tuple(replace(b, material=replace(b.material, damping=2e-4)) for b in OPTIONS.beams),
 )
 # One chain pinned at its start and clamped at its end, with a weld and two pins.
 HELD_CHAIN = at.Scene(
@@ -374,7 +374,7 @@ HELD = at.Scene(
     "small-held",
     [*LINKAGE.bodies[:3], at.PointMass("ball", 0.03, R)],
     LINKAGE.joints, LINKAGE.loads[2:], (0.7, -1.1),
-    [LINKAGE.connectors[0], replace(LINKAGE.connectors[1], length=0.6), *LINKAGE.connectors[2:],
+    [LINKAGE.connectors[0], replace(LINKAGE.connectors[1], length=0.6), *LINKAGE.connectors[2:],  # type: ignore[call-arg, arg-type]
      at.RotationalSpring("two.end", stiffness=0.8)],
 )
 # A plate on a driven guide, with slots for a beam that does not turn and for a ball; driven hinges; a branch.

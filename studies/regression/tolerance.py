@@ -111,7 +111,7 @@ def _at(frame: pd.DataFrame, t: Any) -> pd.DataFrame:
 def _turned_back(frame: pd.DataFrame, angle: float) -> pd.DataFrame:
     """Vectors as they would be had the scene not been turned."""
     frame = frame.copy()
-    for column in [c for c in frame if " x (" in c]:
+    for column in [c for c in map(str, frame) if " x (" in c]:
         other = column.replace(" x (", " y (")
         x, y = frame[column], frame[other]
         frame[column], frame[other] = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
@@ -135,8 +135,8 @@ def _scale(task: Task, history: History, quantity: str) -> float:
     same_unit = [q for q in history.quantities if UNITS[q] == UNITS[quantity]]
     largest = float(np.abs(history.of_quantity(*same_unit).to_numpy()).max(initial=0.0))
     if quantity == "displacement":
-        places = (
-            (b, key) for b in task.scene.bodies for key in ((0.0, 1.0) if isinstance(b, Beam) else b.keys)
-        )
+        places: list[tuple[Any, Any]] = []
+        for body in task.scene.bodies:
+            places += [(body, key) for key in ((0.0, 1.0) if isinstance(body, Beam) else body.keys)]
         return max(hypot(*body.position_at(key)) for body, key in places) + largest or 1.0
     return 1.0 + largest if quantity == "angle" else largest or 1.0

@@ -3,7 +3,7 @@
 Meshes and steps are coarse: the code is tested, not its accuracy, and it should not take long.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
@@ -49,7 +49,11 @@ LIMITS: dict[str, tuple[Scene, Any, Any, float, float]] = {
 NEAR = 1e-3
 Runs = dict[str, Run]
 #: A scene, its runs by name, how they end, and their solvers.
-Row = tuple[Scene, Runs] | tuple[Scene, Runs, str] | tuple[Scene, Runs, str, tuple[str, ...]]
+Row = (
+    tuple[Scene, Mapping[str, Run]]
+    | tuple[Scene, Mapping[str, Run], str]
+    | tuple[Scene, Mapping[str, Run], str, tuple[str, ...]]
+)
 
 
 def all_watches() -> tuple[Watch, ...]:
@@ -63,7 +67,7 @@ def small_watches() -> tuple[Watch, ...]:
     return tuple(_watch(*row) for part in parts for row in part)
 
 
-def _watch(scene: Scene, runs: Runs, ends: str = "ok", solvers: tuple[str, ...] = OURS) -> Watch:
+def _watch(scene: Scene, runs: Mapping[str, Run], ends: str = "ok", solvers: tuple[str, ...] = OURS) -> Watch:
     probes: list[Probe] = [(b.name, fraction) for b in scene.beams for fraction in (0.0, 0.3, 1.0)]
     probes += [f"{b.name}.{key}" for b in scene.bodies if not isinstance(b, Beam) for key in b.keys]
     return Watch(scene, tuple(probes), runs, solvers, ends)
@@ -74,7 +78,7 @@ def _watch(scene: Scene, runs: Runs, ends: str = "ok", solvers: tuple[str, ...] 
 
 def explicit(mesh: Any, element: Any = "cable", steps: int = 60, dt: float = 4e-4, **options: Any) -> Motion:
     """Explicit steps, ten between two outputs."""
-    times = {"dt": dt, "t_end": steps * dt, "output_dt": 10 * dt}
+    times: dict[str, Any] = {"dt": dt, "t_end": steps * dt, "output_dt": 10 * dt}
     return Discretisation(mesh, element, integrator="zhai", **times, **options)
 
 
@@ -127,11 +131,11 @@ def _mechanism(t_end: float) -> list[tuple[tuple[str, ...], Runs]]:
     """Explicit runs are cut short: the dense solver takes 60 µs a step. Exudyn has no explicit joints."""
 
     def fixed(element: str) -> Motion:
-        times = {"dt": 2.5e-5, "t_end": 0.6, "output_dt": 0.05}
+        times: dict[str, Any] = {"dt": 2.5e-5, "t_end": 0.6, "output_dt": 0.05}
         return Discretisation(FOUR_BAR_MESH, element, integrator="zhai", **times)
 
     def long(element: str) -> Motion:
-        times = {"dt": 5e-3, "t_end": t_end, "output_dt": t_end / 12}
+        times: dict[str, Any] = {"dt": 5e-3, "t_end": t_end, "output_dt": t_end / 12}
         return Discretisation(FOUR_BAR_MESH, element, newton_tolerance=TIGHT, **times)
 
     return [
@@ -265,7 +269,7 @@ def failing() -> list[Row]:
     """Runs that no beam survives, found by each of the checks that look for it."""
 
     def unchecked(mesh: int, dt: float, t_end: float, output_dt: float) -> Motion:
-        times = {"dt": dt, "t_end": t_end, "output_dt": output_dt}
+        times: dict[str, Any] = {"dt": dt, "t_end": t_end, "output_dt": output_dt}
         return Discretisation(mesh, integrator="zhai", check_stability=False, **times)
 
     adaptive = Discretisation(2, integrator="generalized-alpha", tolerance=1e-2, t_end=0.01, output_dt=0.002)
