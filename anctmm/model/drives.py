@@ -198,9 +198,6 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
     return table
 
 
-table_of = tabulate
-
-
 def _by_one_call(history: Callable[[Any], Any], t: Array, table: Array) -> bool:
     """Fill a table by one call with all times; False if the history takes numbers only."""
     width = table.shape[1]

@@ -391,6 +391,8 @@ class Revolute(Joint):
         Of rigid bodies; one place alone is hinged to the ground.
     axis : (float, float, float)
         Direction of the axis in the reference, of any length; stored as a unit vector.
+    ends : iterable of place, optional
+        As of `Pin`.
 
     Raises
     ------
@@ -402,15 +404,20 @@ class Revolute(Joint):
     ends: tuple[Written, ...]
     axis: Point
 
-    def __init__(self, *places: Written, axis: PairLike = (0.0, 0.0, 1.0)) -> None:
-        what = f"revolute joint of {shown(places)}"
-        if not 1 <= len(places) <= 2:
-            raise PropertyError(f"{what} has {len(places)} places; one or two are needed")
+    def __init__(
+        self,
+        *places: Written,
+        axis: PairLike = (0.0, 0.0, 1.0),
+        ends: Iterable[Written] | None = None,
+    ) -> None:
+        object.__setattr__(self, "ends", _ends("revolute joint", places, ends))
+        what = f"revolute joint of {shown(self.ends)}"
+        if not 1 <= len(self.ends) <= 2:
+            raise PropertyError(f"{what} has {len(self.ends)} places; one or two are needed")
         given = vector(f"{what} axis", axis, dims=(3,))
         size = float(np.linalg.norm(given))
         if size == 0.0:
             raise PropertyError(f"{what} axis is {shown(given)}; a vector of some length is needed")
-        object.__setattr__(self, "ends", tuple(map(written, places)))
         object.__setattr__(self, "axis", tuple(x / size for x in given))
 
     def __repr__(self) -> str:
