@@ -65,12 +65,13 @@ def _missed(
         else:
             most = float(_integral(lambda t: np.abs(values(t)), whole).max())
         if (np.abs(true - seen) > MISSED * most).any():
-            sizes = (", ".join(f"{v:.3g}" for v in part) for part in (true, seen))
+            exact, known = (", ".join(f"{v:.3g}" for v in part) for part in (true, seen))
+            of = f"{unit} s" if unit else "N s" if width == 2 else "N m s"
             message = (
-                f"{name}: it breaks within the step from t = {times[0]:.6g} s; its integral over that is {{}}, of "
-                f"which steps of {run.exact_dt:g} s include {{}}; a dt below {0.1 * min(np.diff(times)):.2g} s may "
-                f"help, or steps that end at its breaks, or `tolerance`"
-            ).format(*sizes)
+                f"{name}: it breaks within the step from t = {times[0]:.6g} s; its integral over that is {exact} {of}, "
+                f"of which steps of {run.exact_dt:g} s include {known}; a dt below {0.1 * min(np.diff(times)):.2g} s "
+                f"may help, or steps that end at its breaks, or `tolerance`"
+            )
             output = min(int(np.searchsorted(solution.t, times[0], side="right")), solution.t.size - 1)
             yield Finding(output, "inaccurate", message)
             return
