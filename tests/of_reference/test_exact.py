@@ -408,7 +408,7 @@ def test_timoshenko_frequencies_tend_to_euler_bernoullis_at_first_order_in_the_g
     slender = exact.euler_bernoulli_frequencies(ends, 4, 1.0, 1.0, 1.0)
     gaps = [
         1.0 - exact.timoshenko_frequencies(ends, 4, 1.0, 1.0, 1.0 / S, 1.0, 0.5 * S) / slender
-        for S in (1e-4, 1e-5, 1e-6)
+        for S in (1e-4, 1e-5)
     ]
     assert (gaps[1] > 0.0).all()
     assert (gaps[1] < 4e-3).all()
