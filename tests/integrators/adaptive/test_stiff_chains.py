@@ -28,6 +28,7 @@ def missed(scene, exact, probes, tolerance, integrator, run):
     return at.compare(found, exact, probes).error / tolerance
 
 
+@pytest.mark.exhaustive
 def test_a_strongly_damped_pendulum_keeps_its_promise():
     """Errors were 17 and 59 tolerances, status ok."""
     scene = pendulum(2e9, 1.0)
