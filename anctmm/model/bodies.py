@@ -41,7 +41,7 @@ def distance(a: Point, b: Point) -> float:
     """
     one, two = vector("distance from (m)", a, dims=(2, 3)), vector("distance to (m)", b, dims=(2, 3))
     if len(one) != len(two):
-        raise PropertyError(f"distance from {one!r} to {two!r}; as many numbers in both are needed")
+        raise PropertyError(f"distance from {shown(a)} to {shown(b)}; as many numbers in both are needed")
     return dist(one, two)
 
 
@@ -131,12 +131,11 @@ class Beam(BodyKind):
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         set_(self, "name", text("beam name", self.name))
+        given = f"start {shown(self.start)} and end {shown(self.end)}"
         set_(self, "start", point(f"beam {self.name!r} start (m)", self.start))
         set_(self, "end", point(f"beam {self.name!r} end (m)", self.end))
         if len(self.start) != len(self.end):
-            raise PropertyError(
-                f"beam {self.name!r} has start {self.start!r} and end {self.end!r}; as many numbers in both are needed"
-            )
+            raise PropertyError(f"beam {self.name!r} has {given}; as many numbers in both are needed")
         for kind, thing in ((Section, self.section), (Material, self.material)):
             if not isinstance(thing, kind):
                 what = f"beam {self.name!r} {kind.__name__.lower()}"
