@@ -32,9 +32,13 @@ from studies.conformance.scenes import ACTING, DEMANDS, RUNS, WITHOUT, cantileve
 from studies.conformance.subject import BrokenRule, Subject
 
 OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
+#: Solvers in Python, which take minutes.
+LONG = ("global-dae", "global-dae-dense")
 
 
-@pytest.mark.parametrize("name", OURS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.exhaustive] if n in LONG else []) for n in OURS]
+)
 def test_our_solvers_conform(name):
     findings = list(conform(name))
     if absent := [f.measured for f in findings if f.verdict == NOT_INSTALLED]:
