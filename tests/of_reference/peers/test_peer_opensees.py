@@ -107,7 +107,7 @@ def test_a_load_step_that_fails_is_halved():
 @needed
 def test_frames_with_branches_rest_where_ours_do():
     ours = at.solve_static(frame(), mesh=32)
-    found = opensees.solve_static(frame(), mesh=32)
+    found = opensees.solve_static(frame(), mesh=32, load_steps=40)  # rounding decides which flap it finds
     assert found.status.ok
     way = max(np.linalg.norm(ours.displacement(p)[-1]) for p in ("arm.end", "flap.end"))
     for probe in ("arm.end", "flap.start", "top.start"):
