@@ -14,6 +14,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import ResultError, UnknownNameError, listed, shown
 from anctmm.model.accepted import ConnectorKind, JointKind
 from anctmm.model.bodies import beam_of
+from anctmm.model.checks.space import check_plane
 from anctmm.model.connectors import Connector
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Beam, PointMass, Probe, RigidBody, Scene
@@ -158,13 +159,13 @@ class Solution:
     @cached_property
     def whole_turns(self) -> WholeTurns:
         """Angles of sections since the undeformed scene."""
-        self._check_plane("angles are")
+        check_plane(self.scene, "angles")
         return WholeTurns(self.scene, self.fields, self.t, self.static)
 
     @cached_property
     def _reactions(self) -> list[Array]:
         """Reactions of all joints, in the scene's order."""
-        self._check_plane("reactions are")
+        check_plane(self.scene, "reactions")
         return reactions_of(self)
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
@@ -246,7 +247,7 @@ class Solution:
         """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
         `velocity`.
         """
-        self._check_plane("angles are")
+        check_plane(self.scene, "angles")
         return self._read(self._turning(place, fraction), fraction, self._spin)
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
@@ -272,7 +273,7 @@ class Solution:
         UnknownKindError
             If the body is no beam.
         """
-        self._check_plane("section forces are")
+        check_plane(self.scene, "section forces")
         return self._read(place, fraction, self._section_force, 3)
 
     def reaction(self, joint: JointKind) -> Array:
@@ -327,14 +328,6 @@ class Solution:
     to_vtk = vtk.to_vtk
     plot = pictures.plot
     animate = pictures.animate
-
-    def _check_plane(self, what: str) -> None:
-        """Raises ResultError if the scene is in space."""
-        if self.scene.dim == 3:
-            raise ResultError(
-                f"{what} offered in the plane, and scene {self.scene.name!r} is in space; there are positions, "
-                f"velocities, energies, tensions, and the `rotation` of rigid bodies"
-            )
 
     def _read(
         self, place: Probe, fraction: Fractions | None, read: Callable[[str, Any], Array], *width: int

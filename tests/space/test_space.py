@@ -215,7 +215,20 @@ def test_what_is_not_offered_in_space_is_refused_by_name(case):
         make()
 
 
-def test_angles_are_of_the_plane():
-    found = at.solve(at.Scene("s", [BALL]), t_end=0.01)
-    with pytest.raises(ResultError, match="rotation"):
-        found.angle("ball")
+PLANAR = {
+    "angle": lambda found: found.angle("ball"),
+    "spin": lambda found: found.spin("ball"),
+    "reaction": lambda found: found.reaction(found.scene.joints[0]),
+    "table": lambda found: found.to_frame(["ball.a"]),
+    "data set": lambda found: found.to_dataset(),
+    "picture": lambda found: found.plot(),
+    "animation": lambda found: found.animate("x.html"),
+    "files": lambda found: found.to_vtk("x"),
+}
+
+
+@pytest.mark.parametrize("what", PLANAR)
+def test_results_of_the_plane_are_refused_by_name(what):
+    found = at.solve(at.Scene("s", [BALL], [at.Pin("ball.a")]), integrator="esdirk", t_end=0.01)
+    with pytest.raises(ResultError, match="in space"):
+        PLANAR[what](found)

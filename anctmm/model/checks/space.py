@@ -8,7 +8,7 @@ gravity. All else is refused by name.
 from collections.abc import Iterable
 from typing import Any
 
-from anctmm.errors import SceneError, UnsupportedError, shown
+from anctmm.errors import ResultError, SceneError, UnsupportedError, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import Spring
 from anctmm.model.joints import JOINTS, Clamp, Pin, Revolute
@@ -60,6 +60,21 @@ def check_dimension(scene: Any) -> None:
             )
     followers = (load for load in scene.loads if isinstance(load, Force) and load.follower)
     _refuse(followers, "is a follower; forces of fixed direction are allowed in space")
+
+
+def check_plane(scene: Any, what: str) -> None:
+    """Refuse a result that is offered in the plane alone.
+
+    Raises
+    ------
+    ResultError
+        If the scene is in space.
+    """
+    if scene.dim == 3:
+        raise ResultError(
+            f"{what} are offered in the plane, and scene {scene.name!r} is in space; there are positions, velocities, "
+            f"energies, tensions, saved files, and the `rotation` of rigid bodies"
+        )
 
 
 def _components(scene: Any) -> Iterable[tuple[Any, int]]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason, shown
+from anctmm.model.checks.space import check_plane
 from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.export.tables import needed
 from anctmm.validation import reals
@@ -83,6 +84,7 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
     ResultError
         If matplotlib is not installed, the solution has no outputs, or times are no numbers.
     """
+    check_plane(solution.scene, "pictures")
     figures = needed("matplotlib.figure", "plot")
     if not len(solution.t):
         raise ResultError(f"scene {solution.scene.name!r} has no outputs to draw: {solution.status}")
@@ -129,6 +131,7 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     OutputError
         If the file cannot be written.
     """
+    check_plane(solution.scene, "animations")
     target, name = Path(path), solution.scene.name
     if target.suffix not in WRITERS:
         raise ResultError(f"path is {str(target)!r}; a file {' or '.join(map(repr, WRITERS))} is needed")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ResultError, shown
+from anctmm.model.checks.space import check_plane
 from anctmm.results.fields import RigidField
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     ResultError
         If pandas is not installed.
     """
+    check_plane(solution.scene, "tables")
     pandas = needed("pandas", "to_frame")
     if isinstance(probes, str):
         raise ResultError(
@@ -112,6 +114,7 @@ def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
     ResultError
         If xarray is not installed, or `points` is no whole number of 2 or more.
     """
+    check_plane(solution.scene, "data sets")
     xarray = needed("xarray", "to_dataset")
     check_points(points)
     fractions = np.linspace(0.0, 1.0, points)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason
 from anctmm.model.bodies import Beam
+from anctmm.model.checks.space import check_plane
 from anctmm.model.rigid_bodies import CENTER, RigidBody
 from anctmm.results.export.shapes import outline
 from anctmm.results.export.tables import check_points
@@ -56,6 +57,7 @@ def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path
     OutputError
         If files cannot be written.
     """
+    check_plane(solution.scene, "files for ParaView")
     check_points(points)
     if not len(solution.t):
         raise ResultError(f"scene {solution.scene.name!r} has no outputs to write: {solution.status}")
