@@ -224,8 +224,8 @@ class RigidField(NodalField):
         return 0
 
     def gradients(self, place: str) -> list[Array]:
-        """The vector that turns with the body, (n, 2)."""
-        return [self.coordinates[:, 1]]
+        """The vector that turns with the body, in space e_x, e_y and e_z as they turn with it, each (n, dim)."""
+        return list(self.rotation().transpose(2, 0, 1)) if self.axes else [self.coordinates[:, 1]]
 
     def _vector(self, q: Array, place: str, order: int) -> Array:
         return q[:, 1] if order else self._point(q, place)
@@ -288,6 +288,11 @@ def spin_of(vectors: Complex, rates: Complex) -> Array:
 def as_complex(vectors: Array) -> Complex:
     """Vectors of the plane as complex numbers."""
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a × b of vectors of the plane, (…, 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _known(series: Array | None, what: str = "velocities") -> Array:

@@ -1,8 +1,8 @@
 """Equations of joints at the outputs of a solution of any solver: their values, and their derivatives by places.
 
 A joint says in `equations` what is zero, as sums over vectors of its places: the position, and the vectors that turn
-with the place (r_x of a beam and r_y of a shear element, u of a rigid body). Here each place has vectors of its own, so
-that the derivatives by them, times a multiplier, are what the joint exerts on that place.
+with the place (r_x of a beam and r_y of a shear element, u of a rigid body, in space its three axes). Here each place
+has vectors of its own, so that the derivatives by them, times a multiplier, are what the joint exerts on that place.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.model.bodies import Beam
-from anctmm.model.checks.conditions import flat
+from anctmm.model.checks.conditions import VectorPlace, axes_of, flat
 from anctmm.model.drives import tabulate
 from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
 from anctmm.model.joints import Joint
@@ -24,15 +24,14 @@ from anctmm.model.rigid_bodies import PointMass
 from anctmm.results.fields import NodalField
 
 Array = NDArray[np.float64]
-#: Vectors of a place: its position and up to two that turn with it.
-SLOTS = 3
-EYE = np.eye(2)
+#: Vectors of a place: its position and up to three that turn with it.
+SLOTS = 4
 
 
 def _from_x(body: Any) -> Array:
-    """Matrix that turns e_x into the direction of a beam in the reference."""
+    """Matrix that turns e_x into the direction of a beam in the plane in the reference."""
     x, y = np.subtract(body.end, body.start) / body.length
-    return x * EYE + y * QUARTER_TURN
+    return x * np.eye(2) + y * QUARTER_TURN
 
 
 def rigid_bodies(solution: Any) -> frozenset[str]:
@@ -44,33 +43,10 @@ def rigid_bodies(solution: Any) -> frozenset[str]:
 
 
 @dataclass(frozen=True)
-class RowPlace:
-    """A place of a body, or a point of the ground, as equations of joints see it: see `model.joints.JointPlace`."""
-
-    position: Vector
-    gradients: list[Vector]
-    rigid: bool
-
-    @property
-    def direction(self) -> Vector:
-        """The vector that a torque turns: r_x of a cable, r_y of a shear element."""
-        return self.gradients[-1]
-
-    def axis(self, k: int) -> Vector:
-        """Unit vector k of the reference as it turns with the place; of a beam r_x (k = 0) and its normal or r_y."""
-        return self.gradients[k] if k < len(self.gradients) else self.gradients[0].normal
-
-    def fixed_point(self, point: Any) -> Vector:
-        """A point that is fixed in the rigid body of the place, by where it is in the reference."""
-        x, y = np.subtract(point, self.position.start)
-        return self.position + self.axis(0) * x + self.axis(1) * y
-
-
-@dataclass(frozen=True)
 class Row:
-    """One equation of a joint, of one or two components, at n outputs.
+    """One equation of a joint, of one component or of dim, at n outputs.
 
-    Its value, (n, rows), and its derivatives, each (n, rows, 2), by the vectors of the joint's places: that of number
+    Its value, (n, rows), and its derivatives, each (n, rows, dim), by the vectors of the joint's places: that of number
     place · SLOTS is the position, and so on.
     """
 
@@ -95,6 +71,7 @@ class JointAtOutputs:
         self.solution, self.joint, self.rigid, self.unit = solution, joint, rigid, unit
         self._histories = dict[int, Array]()
         scene = solution.scene
+        self._dim = scene.dim
         #: Its places, and points of the ground.
         self.places: list[Any] = [
             end if not isinstance(end, str) and not isinstance(end[0], str) else scene.place(end)
@@ -103,8 +80,8 @@ class JointAtOutputs:
 
     @cached_property
     def vectors(self) -> list[Array]:
-        """Vectors of all places, each (n, 2); NaN where a field does not have them."""
-        found, nothing = list[Array](), np.full((len(self.solution.t), 2), np.nan)
+        """Vectors of all places, each (n, dim); NaN where a field does not have them."""
+        found, nothing = list[Array](), np.full((len(self.solution.t), self._dim), np.nan)
         for place in self.places:
             slots = list(self._of(place)) if isinstance(place, Place) else []
             found += [*slots, *[nothing] * (SLOTS - len(slots))]
@@ -117,27 +94,33 @@ class JointAtOutputs:
             for vector in field.gradients(place.key):  # type: ignore[attr-defined]
                 if isinstance(place.body, Beam) and place.body.name in self.rigid:
                     vector = vector @ _from_x(place.body)
-                yield vector / np.hypot(*vector.T)[:, None] if self.unit else vector
+                yield vector / np.linalg.norm(vector, axis=1, keepdims=True) if self.unit else vector
 
     def rows(self) -> Iterator[Row]:
         """All its equations."""
-        start = np.zeros((SLOTS * len(self.places), 2))
+        start = np.zeros((SLOTS * len(self.places), self._dim))
         places = [self._seen(start, SLOTS * n, place) for n, place in enumerate(self.places)]
         for equation in flat(self.joint.equations(*places)):
             yield self._of_vector(equation) if isinstance(equation, Vector) else self._of_scalar(equation)
 
-    def _seen(self, start: Array, first: int, place: Any) -> RowPlace:
+    def _seen(self, start: Array, first: int, place: Any) -> VectorPlace:
         """A place by the numbers of its vectors, whose values in the reference are filled in."""
+        eye = np.eye(self._dim)
+        rigid = not isinstance(place, Place) or place.body.name in self.rigid
+        axes = (eye[:1] if self._dim == 2 else eye) if rigid else self._gradients(place)
         if not isinstance(place, Place):
-            position, e_x = (Vector(start, {}, {None: np.array(x, dtype=float)}) for x in (place, EYE[0]))
-            return RowPlace(position, [e_x], True)
-        name, field = place.body.name, self.solution.fields[place.body.name]
-        bends = name not in self.rigid
-        turn = _from_x(place.body) if bends else EYE
-        start[first : first + SLOTS] = place.position, *turn.T
-        count = 0 if isinstance(place.body, PointMass) else 2 if getattr(field, "sections", False) else 1
-        position, *gradients = (Vector(start, {(first + k, None): EYE}) for k in range(1 + count))
-        return RowPlace(position, gradients, not bends)
+            position, *fixed = (Vector(start, {}, {None: np.array(x, dtype=float)}) for x in (place, *axes))
+            return VectorPlace(position, fixed, True)
+        axes = axes[:0] if isinstance(place.body, PointMass) else axes
+        start[first : first + 1 + len(axes)] = place.position, *axes
+        position, *gradients = (Vector(start, {(first + k, None): eye}) for k in range(1 + len(axes)))
+        return VectorPlace(position, gradients, rigid)
+
+    def _gradients(self, place: Place) -> Array:
+        """r_x of a beam in the reference and, of a shear element, r_y, as rows."""
+        if getattr(self.solution.fields[place.body.name], "sections", False):
+            return _from_x(place.body).T
+        return axes_of(place)
 
     def _factor(self, w: Signal | None) -> Array:
         """A signal at the outputs, (n, 1)."""
@@ -149,7 +132,7 @@ class JointAtOutputs:
         return np.asarray(w.at(self._histories[id(w.history)])[0][:, None])
 
     def _of_vector(self, equation: Vector) -> Row:
-        value, slopes = np.zeros((len(self.solution.t), 2)), dict[int, Array]()
+        value, slopes = np.zeros((len(self.solution.t), self._dim)), dict[int, Array]()
         for (v, w), A in equation.terms.items():
             value += self._factor(w) * (self.vectors[v] @ A.T)
             slopes[v] = slopes.get(v, 0.0) + self._factor(w)[:, :, None] * A

@@ -1,18 +1,18 @@
 """Measures of the difference of two histories."""
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import SolverError, reason, shown
+from anctmm.errors import SolverError, shown
 from anctmm.model.bodies import distance
 from anctmm.model.scene import Beam, Probe, Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
+from anctmm.validation import several
 
 Array = NDArray[np.float64]
 
@@ -105,7 +105,10 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     UnknownNameError
         If a probe is not of both scenes.
     """
-    probes = _given(probes)
+    needed = "a list of at least one probe is needed, such as ['body.end', ('body', 0.5)]"
+    probes = several("probes is", probes, MOST_PROBES, needed, SolverError)
+    if not probes:
+        raise SolverError(f"probes is []; {needed}")
     for name, value in (("solution", solution), ("reference", reference)):
         if not isinstance(value, Solution):
             raise SolverError(f"{name} is {shown(value)}; a Solution is needed")
@@ -186,20 +189,6 @@ def _check_place(solution: Solution, reference: Solution, probe: Probe) -> None:
             f"probe {shown(probe)} is at {shown(one)} m in scene {scenes[0].name!r} of the solution and at "
             f"{shown(other)} m in scene {scenes[1].name!r} of the reference; two solutions of one scene are needed"
         )
-
-
-def _given(probes: object) -> list[Probe]:
-    """Probes as a list; what they are is seen by the scene."""
-    needed = "a list of at least one probe is needed, such as ['body.end', ('body', 0.5)]"
-    if isinstance(probes, str | bytes | Set | Mapping) or not isinstance(probes, Iterable):
-        raise SolverError(f"probes is {shown(probes)}; {needed}")
-    try:
-        found = list(islice(probes, MOST_PROBES + 1))
-    except Exception as error:  # an iterable of the user's own
-        raise SolverError(f"probes is {shown(probes)}, which raises {reason(error)}; {needed}") from error
-    if not 0 < len(found) <= MOST_PROBES:
-        raise SolverError(f"probes is {shown(probes)}; {needed}, and at most {MOST_PROBES}")
-    return found
 
 
 def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -1,10 +1,13 @@
 """Scenes in space: beside the plane, published motions, conserved quantities, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import anctmm as at
 from anctmm.errors import DiscretisationError, PropertyError, ResultError, SceneError, UnsupportedError
+from anctmm.results.checks.divergence import checked
 
 SOFT = at.Material(E=2e7, density=1000.0)
 ROD = at.Circle(0.02)
@@ -232,3 +235,22 @@ def test_results_of_the_plane_are_refused_by_name(what):
     found = at.solve(at.Scene("s", [BALL], [at.Pin("ball.a")]), integrator="esdirk", t_end=0.01)
     with pytest.raises(ResultError, match="in space"):
         PLANAR[what](found)
+
+
+@pytest.mark.parametrize("what", ["place", "axis"])
+def test_a_joint_that_a_history_does_not_keep_is_found(what):
+    joint = at.Revolute("ball.a", axis=(0.0, 0.0, 1.0)) if what == "axis" else at.Pin("ball.a")
+    found = at.solve(
+        at.Scene("s", [BALL], [joint], gravity=(0.0, -1.0, 0.0)), integrator="esdirk", t_end=0.01
+    )
+    assert found.status.ok
+    field, wrong = found.fields["ball"], found.fields["ball"].coordinates.copy()
+    if what == "place":
+        wrong[5:, 0, 0] += 1e-2
+    else:
+        c, s = np.cos(0.1), np.sin(0.1)  # about x, through the place of the hinge
+        wrong[5:] = wrong[5:] @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]).T
+    moved = replace(found, fields={"ball": replace(field, coordinates=wrong)})
+    status = checked(moved).status
+    assert status.code == "failed"
+    assert status.time == pytest.approx(found.t[5])

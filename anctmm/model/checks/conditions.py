@@ -56,8 +56,8 @@ class Condition(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StartPlace:
-    """A place as equations of joints see it: see `anctmm.model.joints.Joint.equations`."""
+class VectorPlace:
+    """A place by its vectors, as equations of joints see it: see `anctmm.model.joints.Joint.equations`."""
 
     position: Vector
     gradients: list[Vector]
@@ -65,11 +65,11 @@ class StartPlace:
 
     @property
     def direction(self) -> Vector:
-        """The first of its axes."""
-        return self.gradients[0]
+        """The vector that a torque turns: r_y of a shear element, which has two gradients, of others the first."""
+        return self.gradients[1] if len(self.gradients) == 2 else self.gradients[0]
 
     def axis(self, k: int) -> Vector:
-        """Axis k; in the plane the second is normal to the first."""
+        """Axis k; where there is one, the second is normal to it."""
         return self.gradients[0].normal if k == len(self.gradients) == 1 else self.gradients[k]
 
     def fixed_point(self, point: Any) -> Vector:
@@ -120,17 +120,17 @@ def flat(equations: Sequence[Any]) -> Iterator[Vector | Scalar]:
         yield from [equation] if isinstance(equation, Vector | Scalar) else flat(equation)
 
 
-def _seen(ends: Sequence[Any], at: Array) -> list[StartPlace]:
+def _seen(ends: Sequence[Any], at: Array) -> list[VectorPlace]:
     """Places of bodies, whose vectors have numbers one after another, and of the ground."""
-    found, first, (_, dim) = list[StartPlace](), 0, at.shape
+    found, first, (_, dim) = list[VectorPlace](), 0, at.shape
     for end in ends:
         if not isinstance(end, Place):
             position, *axes = (Vector(at, {}, {None: x}) for x in (np.array(end), *np.eye(dim)))
-            found.append(StartPlace(position, axes[: 1 if dim == 2 else 3], True))
+            found.append(VectorPlace(position, axes[: 1 if dim == 2 else 3], True))
             continue
         count = 1 + len(axes_of(end))
         position, *axes = (Vector(at, {(k, None): np.eye(dim)}) for k in range(first, first + count))
-        found.append(StartPlace(position, axes, not isinstance(end.body, Beam)))
+        found.append(VectorPlace(position, axes, not isinstance(end.body, Beam)))
         first += count
     return found
 

@@ -17,7 +17,6 @@ from anctmm.results.checks.energy import energy_findings
 from anctmm.results.checks.finding import FATAL, Finding
 from anctmm.results.checks.precision import precision_findings
 from anctmm.results.checks.shapes import STRETCH_LIMIT, inside_out, shape_findings
-from anctmm.results.checks.space import parted_places, spatial_shapes
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 
@@ -28,8 +27,6 @@ Check = Callable[[Solution], Iterable[Finding]]
 ALWAYS: tuple[Check, ...] = (shape_findings, constraint_findings)
 #: Of motions that their solver knows nothing against.
 MOTIONS: tuple[Check, ...] = (break_findings, drive_findings)
-#: Of all solutions in space.
-IN_SPACE: tuple[Check, ...] = (spatial_shapes, parted_places)
 
 
 def checked(
@@ -55,7 +52,7 @@ def checked(
     if not static and not solution.status.ok and solution.run is not None and solution.run.explicit:
         return solution  # an unstable step shows in all checks; its solver knows it best
     flat = solution.scene.dim == 2
-    checks = [*(ALWAYS if flat else IN_SPACE), *(MOTIONS if motion and flat else ())]
+    checks = [*ALWAYS, *(MOTIONS if motion and flat else ())]
     checks += [energy_findings] if motion and energies else []
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
         found = [finding for check in checks for finding in check(solution)]

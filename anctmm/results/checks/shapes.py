@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.elements.shapes import hermite
 from anctmm.results.checks.finding import Finding, part
-from anctmm.results.fields import Complex, HermiteField, LagrangeField, as_complex
+from anctmm.results.fields import HermiteField, LagrangeField, cross
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -32,24 +32,23 @@ def inside_out(q: Array, length: float) -> Mask:
     where it turns by more than half a circle within the element, so that it runs against its gradients at both ends, or
     where it has a cusp: a bar under an axial load that folds back on itself balances that, too.
     """
-    z = as_complex(q)  # conj(a) b = a · b + i a × b
-    chord, a, b = z[..., 1:, 0] - z[..., :-1, 0], z[..., :-1, 1], z[..., 1:, 1]
-    along = np.array([(np.conj(chord) * a).real, (np.conj(chord) * b).real])
+    chord, a, b = q[..., 1:, 0, :] - q[..., :-1, 0, :], q[..., :-1, 1, :], q[..., 1:, 1, :]
+    along = np.array([(chord * a).sum(axis=-1), (chord * b).sum(axis=-1)])
     found: Mask = np.asarray((along < 0.0).all(axis=0))
     short = along.min(axis=0) < SHORTENED * length
     found[short] |= _has_cusp(chord[short] / length, a[short], b[short])
     if q.shape[-2] == 3:
-        sides = (np.conj(z[..., 1]) * z[..., 2]).imag
-        axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (z[..., :-1, 2] + z[..., 1:, 2])
-        middle = (np.conj(axis) * across).imag
+        axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (q[..., :-1, 2, :] + q[..., 1:, 2, :])
+        sides, middle = cross(q[..., 1, :], q[..., 2, :]), cross(axis, across)
         found |= (sides[..., :-1] <= 0.0) | (sides[..., 1:] <= 0.0) | (middle <= 0.0)
     return found
 
 
-def _has_cusp(chord: Complex, a: Complex, b: Complex) -> Mask:
+def _has_cusp(chord: Array, a: Array, b: Array) -> Mask:
     """Whether the axis between gradients a and b, with a chord over its undeformed length, shrinks to a point."""
-    slopes = hermite(np.linspace(0.0, 1.0, PLACES), 1.0, 1)[:, 1:] @ np.array([a, chord, b])
-    return np.asarray(np.abs(slopes).min(axis=0) < CUSP)
+    weights = hermite(np.linspace(0.0, 1.0, PLACES), 1.0, 1)[:, 1:]
+    slopes = np.einsum("pk,k...->p...", weights, np.array([a, chord, b]))
+    return np.asarray(np.linalg.norm(slopes, axis=-1).min(axis=0) < CUSP)
 
 
 def shape_findings(solution: Solution) -> Iterator[Finding]:

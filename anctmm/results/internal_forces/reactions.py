@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from anctmm.errors import ResultError
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.places import Place
-from anctmm.results.fields import NodalField
+from anctmm.results.fields import NodalField, cross
 from anctmm.results.internal_forces.actions import actions_on, along
-from anctmm.results.internal_forces.section_forces import HeldBeam, cross
+from anctmm.results.internal_forces.section_forces import HeldBeam
 from anctmm.results.joint_rows import SLOTS, JointAtOutputs, Row, rigid_bodies
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from anctmm.elements.kinds import kind_of
 from anctmm.elements.shapes import gauss
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import ResultError
-from anctmm.results.fields import HermiteField, InterpolatedField
+from anctmm.results.fields import HermiteField, InterpolatedField, cross
 from anctmm.results.internal_forces.actions import Action, actions_on, along
 
 Array = NDArray[np.float64]
@@ -148,8 +148,3 @@ class HeldBeam:
                 d, dd = ((1.0 - s) * z[:, 2] + s * z[:, 5] for z in (q, a))
                 turning = turning - ds * density * section.second_moment * cross(d, dd)
         return total, turning
-
-
-def cross(a: Array, b: Array) -> Array:
-    """a × b of vectors, (n, 2)."""
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
