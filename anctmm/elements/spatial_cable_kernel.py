@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.elements.cable import CableElement
 from anctmm.elements.force_blocks import BLOCK, clear_forces
-from anctmm.elements.tangent_blocks import TANGENT_BLOCK, lower
+from anctmm.elements.tangent_blocks import SUMS, TANGENT_BLOCK, lower
 from anctmm.kernels.options import inlined
 
 Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, r_O, r'_O.
     """
     EA, EI, axial, bending = constants[0], constants[1], int(constants[2]), int(constants[3])
-    for k in range(78 * TANGENT_BLOCK):
+    for k in range(SUMS * TANGENT_BLOCK):
         out[k] = 0.0
     for j in range(count):
         for p in range(axial):

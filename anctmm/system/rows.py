@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anctmm.kernels.options import kernel, part
 from anctmm.model.expressions import Signal
 from anctmm.system.body_meshes import SpatialMesh
-from anctmm.system.numbering import Numbering, Row
+from anctmm.system.numbering import Numbering
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -105,6 +105,7 @@ def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Row
         for w, value in row.equation.constants.items():
             constants.append((k, number[w]))
             n.append(value)
+    stiff = _stiff(numbering)
     rows, vectors = (np.array([key[i] for key in entry], dtype=np.int64) for i in (0, 1))
     found = Rows(
         _table(pairs, 8), np.array(C).reshape(-1, dim, dim), _table(terms, 5), np.array(c).reshape(-1, dim),
@@ -113,8 +114,7 @@ def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Row
         np.zeros((len(entry), dim)), numbering.multiplier, numbering.row_codes(rows, vectors),
         numbering.codes(*_vectors(_table(pairs, 8), mesh.slots, dim)), np.zeros(len(numbering.rows)),
         np.zeros(len(numbering.rows)), np.zeros(len(numbering.rows)),
-        np.array([_augmented(numbering, row) for row in numbering.rows], dtype=float),
-        np.zeros(len(numbering.rows)), _squares(numbering, entry),
+        stiff, np.zeros(len(numbering.rows)), _squares(numbering, entry, stiff),
     )  # fmt: skip
     set_jacobian(found, mesh.reference, _at_start(signals))
     unknown = numbering.root[vectors]
@@ -125,21 +125,32 @@ def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Row
     return found
 
 
-def _augmented(numbering: Numbering, row: Row) -> float:
-    """s of a row that keeps the shape of a rigid body in space, whose mass matrix may be singular; 0 of others."""
-    mesh = numbering.mesh
-    bodies = {mesh.body_at(x // mesh.slots)[0] for x in row.vectors}
-    body = mesh.bodies[bodies.pop()] if len(bodies) == 1 and numbering.curved(row) else None
-    return float(body.moments.max()) if isinstance(body, SpatialMesh) else 0.0
+def _stiff(numbering: Numbering) -> Array:
+    """s of each row that keeps the shape of a rigid body in space, whose mass matrix may be singular; 0 of others."""
+    mesh, found = numbering.mesh, np.zeros(len(numbering.rows))
+    body_at = {
+        mesh.first[name] + k: body
+        for name, body in mesh.bodies.items()
+        if isinstance(body, SpatialMesh)
+        for k in range(body.nodes)
+    }
+    for k, row in enumerate(numbering.rows) if body_at else ():
+        bodies = [body_at.get(x // mesh.slots) for x in row.vectors]
+        if numbering.curved(row) and bodies[0] is not None and all(body is bodies[0] for body in bodies):
+            found[k] = bodies[0].moments.max()
+    return found
 
 
-def _squares(numbering: Numbering, entry: Mapping[tuple[int, int], int]) -> Ints:
-    """Pairs of entries of rows that are augmented, and the codes of their vectors."""
-    found = list[tuple[int, int, int]]()
-    stiff = [_augmented(numbering, row) > 0.0 for row in numbering.rows]
+def _squares(numbering: Numbering, entry: Mapping[tuple[int, int], int], stiff: Array) -> Ints:
+    """Pairs of entries of each row that has an s, and the codes of their vectors."""
+    of_row: dict[int, list[tuple[int, int]]] = {}
     for (row, x), e in entry.items():
-        for (other, y), d in entry.items() if stiff[row] else ():
-            if other == row and d <= e:
+        if stiff[row] > 0.0:
+            of_row.setdefault(row, []).append((e, x))
+    found = list[tuple[int, int, int]]()
+    for pairs in of_row.values():
+        for n, (e, x) in enumerate(pairs):
+            for d, y in pairs[: n + 1]:
                 code = int(numbering.codes(np.array([x]), np.array([y]))[0])
                 found.append((e, d, code & ~3 if e == d and code >= 0 else code))
     return _table(found, 3)
