@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import PropertyError, UnsupportedError, shown, unknown_kind
+from anctmm.errors import PropertyError, shown, unknown_kind
 from anctmm.model.accepted import JointKind, PairLike
 from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
@@ -131,17 +131,6 @@ def _same_direction(a: Any, b: Any, joint: Any) -> list[Equation]:
     return found
 
 
-def _in_plane(joint: Any, places: tuple[Any, ...]) -> None:
-    """Refuse what is written for the plane alone.
-
-    Raises
-    ------
-    UnsupportedError
-    """
-    if len(places[0].position.start) != 2:
-        raise UnsupportedError(f"{shown(joint)} is in space; {type(joint).__name__} is for the plane")
-
-
 @final
 @dataclass(frozen=True, init=False)
 class Pin(Joint):
@@ -223,7 +212,6 @@ class Weld(Joint):
 
     def equations(self, *places: Any) -> list[Equation]:
         """Positions are one; directions are those of the first place, at the angles of the reference."""
-        _in_plane(self, places)
         first = places[0]
         found: list[Equation] = [first.position - first.position.start] if self.grounded else []
         for place in places[1:]:
@@ -269,12 +257,6 @@ class Clamp(Joint):
 
     def equations(self, place: Any) -> list[Equation]:  # type: ignore[override]
         """The position is fixed, and the direction, or its angle is driven."""
-        if len(place.position.start) == 3:
-            if self.angle is not None or self.stretch == "free":
-                raise UnsupportedError(
-                    f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed"
-                )
-            return [vector - vector.start for vector in (place.position, *place.gradients)]
         start = place.position.start
         vectors = [place.direction] if self.stretch == "free" else place.gradients
         known = [turned(vector.initial, self) for vector in vectors]
@@ -335,7 +317,6 @@ class _LineGuide(Joint):
 
     def equations(self, place: Any, line: Any) -> list[Equation]:  # type: ignore[override]
         """The place stays on the line, or moves along it as it is driven; a prismatic joint holds the direction."""
-        _in_plane(self, (place,))
         away = place.position - line.fixed_point(place.position.start)
         x, y = self.direction
         along = line.direction.mapped(x * np.eye(2) + y * QUARTER_TURN)

@@ -134,11 +134,6 @@ class Scene:
         return self.bodies[0].dim
 
     @cached_property
-    def own_joints(self) -> tuple[Joint, ...]:
-        """Joints of kinds of a user's own."""
-        return tuple(joint for joint in self.joints if type(joint) not in JOINTS)
-
-    @cached_property
     def beams(self) -> tuple[Beam, ...]:
         """Its beams: the bodies that a mesh cuts."""
         return tuple(body for body in self.bodies if isinstance(body, Beam))

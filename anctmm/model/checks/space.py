@@ -47,17 +47,17 @@ def check_dimension(scene: Any) -> None:
     _refuse((x for x in things if not isinstance(x, IN_SPACE)), "is for the plane alone")
     for beam in scene.beams:
         _check_beam(beam)
-    for joint in scene.joints:
-        if isinstance(joint, Revolute):
-            for end in joint.ends:
-                if not isinstance(scene.place(end).body, RigidBody):
-                    raise UnsupportedError(
-                        f"{shown(joint)} holds {end!r}; places of rigid bodies are allowed"
-                    )
-        if isinstance(joint, Clamp) and (joint.angle is not None or joint.stretch == "free"):
-            raise UnsupportedError(
-                f"{shown(joint)} is in space; a fixed clamp that holds the stretch is allowed"
-            )
+    bending = (
+        joint
+        for joint in scene.joints
+        if isinstance(joint, Revolute)
+        and not all(isinstance(scene.place(end).body, RigidBody) for end in joint.ends)
+    )
+    _refuse(bending, "holds a place of another body; places of rigid bodies are allowed")
+    clamps = (
+        j for j in scene.joints if isinstance(j, Clamp) and (j.angle is not None or j.stretch == "free")
+    )
+    _refuse(clamps, "is in space; a fixed clamp that holds the stretch is allowed")
     followers = (load for load in scene.loads if isinstance(load, Force) and load.follower)
     _refuse(followers, "is a follower; forces of fixed direction are allowed in space")
 
