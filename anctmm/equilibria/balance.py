@@ -12,11 +12,11 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from anctmm.equilibria.elastic_energy import elastic_energy
 from anctmm.kernels.announcing import compiling
 from anctmm.system.acting import FOLLOWER, TURN
 from anctmm.system.body_meshes import BeamMesh, RigidMesh
-from anctmm.system.equations import set_matrix, set_residual
+from anctmm.system.calls import set_matrix, strain_energy
+from anctmm.system.equations import set_residual
 from anctmm.system.matrix import gather, scatter
 from anctmm.system.rows import REGULARISATION, set_rows
 from anctmm.system.system import System, Tables
@@ -188,14 +188,14 @@ class Balance:
 
     def gathered(self, f: Array) -> Array:
         """Forces, (rows, nodes), on the unknowns."""
-        gather(self.tables.matrix.at, f, self.mesh.dim, self.tables.matrix.unknowns)
+        gather(self.system.space, self.tables.matrix.at, f, self.tables.matrix.unknowns)
         return self.tables.matrix.unknowns[self._own]
 
     def spread(self, x: Array) -> Array:
         """A change of the unknowns as one of the coordinates, (rows, nodes)."""
         unknowns, out = np.zeros_like(self.tables.matrix.unknowns), np.zeros_like(self._f)
         unknowns[self._own] = x
-        scatter(self.tables.matrix.at, unknowns, self.mesh.dim, out)
+        scatter(self.system.space, self.tables.matrix.at, unknowns, out)
         return out
 
     def unknowns(self, moved: Array) -> Array:
@@ -262,7 +262,7 @@ class Balance:
     def strain_energy(self, at: Configuration, factor: float) -> float:
         """Strain energy of bodies and connectors, J."""
         self.residual(at, factor)
-        return float(elastic_energy(self.tables, at.q) + self.tables.acting.now[:, 2].sum())
+        return float(strain_energy(self.tables, at.q) + self.tables.acting.now[:, 2].sum())
 
 
 class Tangent:

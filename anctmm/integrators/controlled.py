@@ -10,7 +10,6 @@ what the step damps anyway, and what joints do not allow. It is
 
 import numpy as np
 
-from anctmm.elimination.factor import solve
 from anctmm.integrators.alpha import coefficients, step_alpha
 from anctmm.integrators.esdirk import step_esdirk
 from anctmm.integrators.newton import Coefficients, renew
@@ -19,9 +18,9 @@ from anctmm.integrators.starting import balance
 from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import kernel, part
 from anctmm.results.checks.divergence import STRETCH_LIMIT
-from anctmm.system.acting import add_connectors
+from anctmm.system.calls import set_forces, solve_for
 from anctmm.system.elastic import subtract_inertia
-from anctmm.system.matrix import gather, scatter
+from anctmm.system.matrix import gather
 
 
 @kernel
@@ -80,21 +79,20 @@ def prepare(size, space, tables, state, c, signals, loads, free, t):  # type: ig
     """Have the matrix of Newton's iteration where the next step would renew it, and connectors as they are now."""
     if state.counts[2] != 0:
         renew(size, space, tables, state, c, signals, loads, free, t)
-    add_connectors(space, tables.acting, state.q, state.v, free, t, state.f)
+    set_forces(space, tables, state.q, state.v, loads, free, t, state.f)
 
 
 @part
 def filtered(size, space, to_w, tables, state):  # type: ignore[no-untyped-def]
     """The error in `base` through the filter: root mean square over the nodes, by `State.weight`."""
-    matrix, dim, nodes, total = tables.matrix, len(space), state.q.shape[1], 0.0
+    matrix, nodes, total = tables.matrix, state.q.shape[1], 0.0
     for k in range(state.f.shape[0]):
         for i in range(nodes):
             state.f[k, i] = 0.0
             state.base[k, i] *= -to_w
-    subtract_inertia(tables.elements, state.base, dim, state.f)
-    gather(matrix.at, state.f, dim, matrix.unknowns)
-    solve(size, matrix.plan, matrix.values, matrix.x)
-    scatter(matrix.at, matrix.unknowns, dim, state.scratch)
+    subtract_inertia(space, tables.elements, state.base, state.f)
+    gather(space, matrix.at, state.f, matrix.unknowns)
+    solve_for(size, space, tables, state.scratch)
     for k in range(state.weight.shape[0]):
         for i in range(nodes):
             total += (state.weight[k, i] * state.scratch[k, i]) ** 2
@@ -111,5 +109,5 @@ def take(space, place, h, tables, state, inputs, row, out):  # type: ignore[no-u
     if too_large(tables.elements, state.q, len(space), STRETCH_LIMIT):
         return False
     if place >= 0:
-        keep(place, tables, state, len(space), out)
+        keep(place, space, tables, state, out)
     return True

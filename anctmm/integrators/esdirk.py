@@ -22,9 +22,12 @@ from anctmm.integrators.newton import Coefficients, iterate, set_end
 from anctmm.integrators.output import Output, keep_due, stage_power
 from anctmm.integrators.starting import balance
 from anctmm.integrators.state import State
+from anctmm.kernels.intrinsics import by_address
 from anctmm.kernels.options import inlined, kernel, part
-from anctmm.system.rows import set_jacobian, set_rates, set_rows
-from anctmm.system.system import Inputs, System, Tables, place_driven
+from anctmm.system.calls import set_jacobian, set_rates, set_rows
+from anctmm.system.forces import place_driven
+from anctmm.system.system import System
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,7 @@ PROJECTIONS = 6
 NONE = np.int64(0)
 
 
+@by_address
 class Room(NamedTuple):
     """What a step keeps beside the state.
 
@@ -54,6 +58,7 @@ class Room(NamedTuple):
     power: Array
 
 
+@by_address
 class Stages(NamedTuple):
     """Runge-Kutta coefficients: matrix A, its square, and nodes c; the last row of A is the weights."""
 
@@ -95,14 +100,16 @@ def stage_times(system: System, begin: int, end: int) -> Array:
 @inlined
 def begin_stage(i, h, method, room, state):  # type: ignore[no-untyped-def]
     """Known parts of q and v in stage i; w is predicted as that of the stage before."""
-    for k in range(state.q.shape[0]):
-        for n in range(state.q.shape[1]):
-            rate, way = 0.0, h * method.c[i] * room.v[k, n]
+    A, square, c, q, v, stages = method.A, method.square, method.c, room.q, room.v, room.w
+    base, rates, w = state.base, state.rate, state.w
+    for k in range(q.shape[0]):
+        for n in range(q.shape[1]):
+            rate, way = 0.0, h * c[i] * v[k, n]
             for j in range(i):
-                rate += h * method.A[i, j] * room.w[j, k, n]
-                way += h * h * method.square[i, j] * room.w[j, k, n]
-            state.base[k, n], state.rate[k, n] = room.q[k, n] + way, room.v[k, n] + rate
-            state.w[k, n] = room.w[i - 1, k, n]
+                rate += h * A[i, j] * stages[j, k, n]
+                way += h * h * square[i, j] * stages[j, k, n]
+            base[k, n], rates[k, n] = q[k, n] + way, v[k, n] + rate
+            w[k, n] = stages[i - 1, k, n]
 
 
 @part
@@ -147,13 +154,13 @@ def project_end(
     """Take g and ġ off by the factored matrix of Newton's iteration; False if g stays."""
     bound, off = KEPT * state.scale[0], 0.0
     for _ in range(PROJECTIONS):
-        off = set_rows(tables.rows, state.q, signals)
+        off = set_rows(tables, state.q, signals)
         if not off > bound:
             break
         take_off(size, space, tables, state, state.q)
-    set_jacobian(tables.rows, state.q, signals)
+    set_jacobian(tables, state.q, signals)
     for _ in range(2):
-        set_rates(tables.rows, state.q, state.v, signals)
+        set_rates(tables, state.q, state.v, signals)
         take_off(size, space, tables, state, state.v)
     return off <= VIOLATED * state.scale[0]
 
@@ -222,7 +229,7 @@ def advance(
     out: Output,
 ) -> int:
     """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
-    first, width, dim = NONE, len(numbers.method.c) - 1, len(space)
+    first, width = NONE, len(numbers.method.c) - 1
     for step in range(begin, end):
         if step == 0:
             stage_power(
@@ -238,6 +245,6 @@ def advance(
             if not solved:
                 return step
             add_work(out, numbers.h, numbers.method, room)
-        if not keep_due(step, numbers.steps, numbers.stride, tables, state, dim, out):
+        if not keep_due(step, numbers.steps, numbers.stride, space, tables, state, out):
             return step
     return -1

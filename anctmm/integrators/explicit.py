@@ -17,8 +17,9 @@ from anctmm.integrators.accelerations import factorize_mass, project, solve_acce
 from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
 from anctmm.kernels.options import kernel
-from anctmm.system.rows import set_jacobian
-from anctmm.system.system import Inputs, Tables, place_driven, set_forces
+from anctmm.system.calls import set_forces, set_jacobian
+from anctmm.system.forces import place_driven
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def advance(
     out: Output,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged or left its rows, or −1."""
-    dim, dt, psi, phi = len(space), numbers.dt, numbers.psi, numbers.phi
+    dt, psi, phi = numbers.dt, numbers.psi, numbers.phi
     q, v, w, a = state.q, state.v, state.w, state.a
     for step in range(begin, end):
         n = step - begin
@@ -60,8 +61,8 @@ def advance(
             if not project(size, space, tables, state, signals):
                 return step
         elif step == 0:
-            set_jacobian(tables.rows, q, signals)
-            factorize_mass(size, space, tables, signals)
+            set_jacobian(tables, q, signals)
+            factorize_mass(size, space, tables, state, signals)
         set_forces(space, tables, q, v, inputs.loads[n], inputs.free[n], t, state.f)
         solve_accelerations(size, space, tables, state, signals)
         check = 0.0
@@ -70,7 +71,7 @@ def advance(
         if check - check != 0.0:  # also of no number
             return step
         count_work(space, tables, state, step > 0, signals, inputs.loads[n], inputs.free[n], t, out)
-        if not keep_due(step, numbers.steps, numbers.stride, tables, state, dim, out):
+        if not keep_due(step, numbers.steps, numbers.stride, space, tables, state, out):
             return step
         if step < numbers.steps:
             for k in range(q.shape[0]):

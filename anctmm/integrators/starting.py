@@ -15,8 +15,10 @@ from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 from anctmm.system.acting import TURN
 from anctmm.system.body_meshes import RigidMesh
-from anctmm.system.rows import set_jacobian
-from anctmm.system.system import System, Tables, place_driven, set_forces
+from anctmm.system.calls import set_forces, set_jacobian
+from anctmm.system.forces import place_driven
+from anctmm.system.system import System
+from anctmm.system.tables import Tables
 
 Array = NDArray[np.float64]
 
@@ -62,8 +64,8 @@ def balance(
     """Accelerations w and a of the state, from the equations of motion; the matrix is that of the mass then."""
     state.w[:] = 0.0
     place_driven(tables.driven, signals, state.q, state.v, state.w)
-    set_jacobian(tables.rows, state.q, signals)
-    factorize_mass(size, space, tables, signals)
+    set_jacobian(tables, state.q, signals)
+    factorize_mass(size, space, tables, state, signals)
     set_forces(space, tables, state.q, state.v, loads, free, t, state.f)
     solve_accelerations(size, space, tables, state, signals)
     for k in range(state.w.shape[0]):

@@ -15,7 +15,7 @@ from scipy import sparse
 from anctmm.elements.compiled import MODULES, address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
-from anctmm.kernels.scratch import call_element
+from anctmm.kernels.intrinsics import call, call_number
 from reference.global_dae.kernels import inlined, kernel
 from reference.global_dae.layout import Layout, Mesh
 
@@ -24,7 +24,7 @@ Ints = NDArray[np.int64]
 Matrix = sparse.csc_array
 
 #: Columns of the addresses of kernels.
-KERNELS = ("forces", "damping", "tangents", "energy")
+KERNELS = ("forces", "damping_forces", "tangents", "energy")
 FORCES, DAMPING, TANGENTS, ENERGY = range(len(KERNELS))
 
 
@@ -69,7 +69,7 @@ def elements_of(meshes: Sequence[Mesh], by_velocity: float) -> Elements:
 
 def _addresses(mesh: Mesh) -> list[int]:
     damped = bool(mesh.element.damping)
-    return [address(mesh.kind.name, what) if what != "damping" or damped else 0 for what in KERNELS]
+    return [address(mesh.kind.name, what) if what != "damping_forces" or damped else 0 for what in KERNELS]
 
 
 def _table(rows: list[Array]) -> Array:
@@ -85,7 +85,7 @@ def forces(e: Elements, q: Array, f: Array) -> None:
     f[:] = 0.0
     for run in range(len(e.first)):
         arrange(e, run, q, e.q)
-        call_element(e.kernels[run, FORCES], e.q, e.q, 0, e.counts[run], e.constants[run], 0.0, e.out)
+        call(e.kernels[run, FORCES], e.q, 0, e.counts[run], e.constants[run], e.out)
         add(e, run, f)
 
 
@@ -97,9 +97,8 @@ def damping_forces(e: Elements, q: Array, v: Array, f: Array) -> None:
         if e.damping[run] > 0.0:
             arrange(e, run, q, e.q)
             arrange(e, run, v, e.v)
-            call_element(
-                e.kernels[run, DAMPING], e.q, e.v, 0, e.counts[run], e.constants[run], -e.damping[run], e.out
-            )
+            constants, time = e.constants[run], -e.damping[run]
+            call(e.kernels[run, DAMPING], e.q, e.v, 0, e.counts[run], constants, time, e.out)
             add(e, run, f)
 
 
@@ -111,7 +110,7 @@ def add_tangents(e: Elements, q: Array, places: Ints, data: Array) -> None:
         arrange(e, run, q, e.q)
         for first in range(0, e.counts[run], TANGENT_BLOCK):
             count = min(TANGENT_BLOCK, e.counts[run] - first)
-            call_element(e.kernels[run, TANGENTS], e.q, e.q, first, count, e.stiff[run], 0.0, e.out)
+            call(e.kernels[run, TANGENTS], e.q, first, count, e.stiff[run], e.out)
             for j in range(count):
                 for k in range(4 * e.vectors[run]):
                     for m in range(4 * e.vectors[run]):
@@ -127,8 +126,7 @@ def strain_energies(e: Elements, series: Array, found: Array) -> None:
         found[n] = 0.0
         for run in range(len(e.first)):
             arrange(e, run, series[n], e.q)
-            call_element(e.kernels[run, ENERGY], e.q, e.q, 0, e.counts[run], e.constants[run], 0.0, e.out)
-            found[n] += e.out[0]
+            found[n] += call_number(e.kernels[run, ENERGY], e.q, 0, e.counts[run], e.constants[run])
 
 
 @inlined
