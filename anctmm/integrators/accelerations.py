@@ -22,7 +22,7 @@ from anctmm.system.calls import (
 )
 from anctmm.system.elastic import subtract_inertia
 from anctmm.system.matrix import gather
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -34,10 +34,10 @@ VIOLATED = 1e-8
 
 @part
 def factorize_mass(
-    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, signals: Array
+    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, inputs: Inputs, n: int
 ) -> None:
-    """Factor [M Jᵀ; J −δ] with the J at hand; no loads, free lengths or time are needed for it."""
-    set_matrix(size, space, tables, state.q, state.v, signals, signals, signals, 0.0, 1.0, 0.0, 0.0)
+    """Factor [M Jᵀ; J −δ] with the J at hand."""
+    set_matrix(size, space, tables, state.q, state.v, inputs, n, 1.0, 0.0, 0.0)
     factorize_matrix(size, tables)
 
 
@@ -96,13 +96,13 @@ def take_off(size: tuple[int, ...], space: tuple[int, ...], tables: Tables, stat
 
 @part
 def project(
-    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, signals: Array
+    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, inputs: Inputs, n: int
 ) -> bool:
     """Put positions and velocities where rows that change have them; False where they are not kept.
 
     The matrix of the last call serves as long as values fall by ten times; it ends factored at the positions found.
     """
-    last, bound = np.inf, KEPT * state.scale[0]
+    last, bound, signals = np.inf, KEPT * state.scale[0], inputs.signals[n]
     for _ in range(PROJECTIONS):
         size_of = set_rows(tables, state.q, signals)
         if not size_of > bound:
@@ -111,12 +111,12 @@ def project(
             if size_of <= 1e3 * bound:  # rounding
                 break
             set_jacobian(tables, state.q, signals)
-            factorize_mass(size, space, tables, state, signals)
+            factorize_mass(size, space, tables, state, inputs, n)
             state.counts[1] += 1
         take_off(size, space, tables, state, state.q)
         last = size_of
     set_jacobian(tables, state.q, signals)
-    factorize_mass(size, space, tables, state, signals)
+    factorize_mass(size, space, tables, state, inputs, n)
     state.counts[1] += 1
     set_rates(tables, state.q, state.v, signals)
     take_off(size, space, tables, state, state.v)

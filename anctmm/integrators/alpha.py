@@ -96,17 +96,15 @@ def step_alpha(
     m: Means,
     tables: Tables,
     state: State,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
 ) -> bool:
     """One step; False if Newton's iteration fails, with the matrix at hand and with one renewed at each correction."""
     c = coefficients(m)
     predict(m, state)
     for attempt in range(2):
-        begin(tables, c, state, signals)
-        if iterate(size, space, tables, state, c, attempt == 1, signals, loads, free, t):
+        begin(tables, c, state, inputs.signals[n])
+        if iterate(size, space, tables, state, c, attempt == 1, inputs, n):
             take_means(m, state)
             return True
     return False
@@ -116,21 +114,19 @@ def step_alpha(
 def advance(
     size: tuple[int, ...],
     space: tuple[int, ...],
-    begin: int,
-    end: int,
+    first: int,
     m: Means,
     tables: Tables,
     state: State,
     inputs: Inputs,
     out: Output,
 ) -> int:
-    """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
-    for step in range(begin, end):
-        n = step - begin
-        signals, loads, free, t = inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
-        if step > 0 and not step_alpha(size, space, m, tables, state, signals, loads, free, t):
+    """States from `first` on at the times of the inputs, each found by a step; the one that failed, or −1."""
+    for n in range(len(inputs.t)):
+        step = first + n
+        if step > 0 and not step_alpha(size, space, m, tables, state, inputs, n):
             return step
-        count_work(space, tables, state, step > 0, signals, loads, free, t, out)
+        count_work(space, tables, state, step > 0, inputs, n, out)
         if not keep_due(step, m.steps, m.stride, space, tables, state, out):
             return step
     return -1

@@ -17,7 +17,7 @@ from anctmm.integrators.state import State
 from anctmm.kernels.options import inlined, part
 from anctmm.system.calls import factorize_matrix, set_accelerations, set_matrix, solve_for
 from anctmm.system.equations import set_residual
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -56,10 +56,8 @@ def iterate(
     state: State,
     c: Coefficients,
     full: bool,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
 ) -> bool:
     """Newton's iteration from q, v and w; whether it converged. With `full` the matrix is renewed at each correction.
 
@@ -71,11 +69,11 @@ def iterate(
     last, stalls = 0.0, 0
     state.sizes[:] = 0.0
     for iteration in range(len(state.sizes)):
-        off = set_residual(space, tables, state.q, state.v, state.w, signals, loads, free, t, state.f)
+        off = set_residual(space, tables, state.q, state.v, state.w, inputs, n, state.f)
         if full or state.counts[2] != 0:
-            renew(size, space, tables, state, c, signals, loads, free, t)
+            renew(size, space, tables, state, c, inputs, n)
         if len(rows.at) > 0:
-            off = set_row_sides(tables, state, c, signals, off)
+            off = set_row_sides(tables, state, c, inputs.signals[n], off)
         solve_for(size, space, tables, state.scratch)
         for r in range(len(rows.at)):
             rows.multiplier[r] += matrix.unknowns[rows.at[r]]
@@ -104,9 +102,9 @@ def iterate(
 
 
 @part
-def renew(size, space, tables, state, c, signals, loads, free, t):  # type: ignore[no-untyped-def]
+def renew(size, space, tables, state, c, inputs, n):  # type: ignore[no-untyped-def]
     """Form and factor the matrix; the residual in the unknowns is left as it is."""
-    set_matrix(size, space, tables, state.q, state.v, signals, loads, free, t, c.to_w, 1.0, c.to_v * c.to_w)
+    set_matrix(size, space, tables, state.q, state.v, inputs, n, c.to_w, 1.0, c.to_v * c.to_w)
     factorize_matrix(size, tables)
     state.counts[1] += 1
     state.counts[2] = 0

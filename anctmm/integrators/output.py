@@ -31,7 +31,7 @@ from anctmm.system.calls import (
 )
 from anctmm.system.elastic import Elements, subtract_damping
 from anctmm.system.system import System
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -214,22 +214,20 @@ def count_work(
     tables: Tables,
     state: State,
     moving: bool,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     out: Output,
 ) -> None:
     """Count the work of a step that ends at the state, by the trapezoidal rule; none yet unless `moving`."""
     if len(tables.acting.kind) + len(tables.acting.load_kind) > 0:
-        work_done(space, tables, moving, state.q, loads, free, out.work)
-    if signals.shape[0] > 1 and len(tables.rows.at) > 0:
-        out.work[0] += drive_work(tables, state.q, signals, moving, out.drive)
+        work_done(space, tables, moving, state.q, inputs, n, out.work)
+    if inputs.signals.shape[1] > 1 and len(tables.rows.at) > 0:
+        out.work[0] += drive_work(tables, state.q, inputs.signals[n], moving, out.drive)
     driven, dim = tables.driven, len(space)
     if len(driven.node) > 0:
-        set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)
-        for n in range(len(driven.node)):
-            i, a = driven.node[n], driven.component[n]
+        set_reactions(space, tables, state.q, state.v, state.w, inputs, n, state.scratch)
+        for x in range(len(driven.node)):
+            i, a = driven.node[x], driven.component[x]
             for k in range(a, a + dim):
                 if moving:
                     mean = 0.5 * (state.scratch[k, i] + out.memory[0, k, i])
@@ -244,22 +242,20 @@ def stage_power(
     space: tuple[int, ...],
     tables: Tables,
     state: State,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     out: Array,
 ) -> None:
     """Power at a state of all that does work beside energies, and of damping, W, in out, (2,)."""
     out[0] = out[1] = 0.0
-    power(space, tables, state.q, state.v, loads, free, t, out)
-    if signals.shape[0] > 1 and len(tables.rows.at) > 0:
-        out[0] += drive_power(tables, state.q, signals)
+    power(space, tables, state.q, state.v, inputs, n, out)
+    if inputs.signals.shape[1] > 1 and len(tables.rows.at) > 0:
+        out[0] += drive_power(tables, state.q, inputs.signals[n])
     driven, dim = tables.driven, len(space)
     if len(driven.node) > 0:
-        set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)
-        for n in range(len(driven.node)):
-            i, a = driven.node[n], driven.component[n]
+        set_reactions(space, tables, state.q, state.v, state.w, inputs, n, state.scratch)
+        for x in range(len(driven.node)):
+            i, a = driven.node[x], driven.component[x]
             for k in range(a, a + dim):
                 out[0] += state.scratch[k, i] * state.v[k, i]
     if tables.damped[1] != 0:

@@ -82,9 +82,8 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
 def _matrix(system: System, q: Array, mass: float, stiffness: float, rate: float):  # type: ignore[no-untyped-def]
     inputs = system.inputs(np.zeros(1))
     still = np.zeros_like(q)
-    given = inputs.signals[0], inputs.loads[0], inputs.free[0], 0.0
-    set_residual(system.space, system.tables, q, still, still, *given, np.zeros_like(q))
-    set_matrix(system.size, system.space, system.tables, q, still, *given, mass, stiffness, rate)
+    set_residual(system.space, system.tables, q, still, still, inputs, 0, np.zeros_like(q))
+    set_matrix(system.size, system.space, system.tables, q, still, inputs, 0, mass, stiffness, rate)
     return assembled(system)
 
 

@@ -57,7 +57,10 @@ def by_address(kind: T) -> T:
     """Let kernels get a class of named tuples by its address; its entries cannot be set there."""
 
     def reference_to(value: Any, _: Any) -> Any:
-        return Reference(types.NamedTuple([typeof(one) for one in value], kind))
+        kinds = [typeof(one) for one in value]
+        if any(isinstance(one, types.Array) and one.layout != "C" for one in kinds):
+            raise TypeError(f"arrays of {kind.__name__} must be contiguous")
+        return Reference(types.NamedTuple(kinds, kind))
 
     extending.typeof_impl.register(kind)(reference_to)
     return kind

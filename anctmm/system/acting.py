@@ -444,9 +444,8 @@ def add_acting_tangents(
     acting: Acting,
     q: Array,
     v: Array,
-    values: Array,
-    free: Array,
-    t: float,
+    inputs: Any,
+    time: int,
     factor: float,
     rate_factor: float,
     flat: Array,
@@ -457,10 +456,11 @@ def add_acting_tangents(
     rate_factor: derivative of velocities by coordinates in a step, 1/s, by which damping adds to the stiffness.
     """
     own, mixed, other = matrix(space, space), matrix(space, space), matrix(space, space)
+    free, t = inputs.free[time], inputs.t[time]
     loads = len(acting.load_kind)
     for n in range(loads):
         if acting.load_kind[n] != DEAD:
-            _load_stiffness(space, acting, n, q, values[n], factor, own, mixed, other)
+            _load_stiffness(space, acting, n, q, inputs.loads[time, n], factor, own, mixed, other)
             add_forms(acting, n, acting.load_form[n], acting.load_turns[n], own, mixed, other, flat, size)
     for n in range(len(acting.kind)):
         _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, own, mixed, other)
@@ -573,7 +573,7 @@ def remember(acting: Acting) -> None:
 
 
 def work_done(
-    space: tuple[int, ...], acting: Acting, moving: bool, q: Array, values: Array, free: Array, out: Array
+    space: tuple[int, ...], acting: Acting, moving: bool, q: Array, inputs: Any, time: int, out: Array
 ) -> None:
     """Add to out the work of loads and connectors beside their energies, and that of damping, J; if `moving`.
 
@@ -587,7 +587,7 @@ def work_done(
     remember(acting)
     force, place = vector(space), vector(space)
     for n in range(len(acting.load_kind)):
-        load_at(space, acting, n, q, values[n], force)
+        load_at(space, acting, n, q, inputs.loads[time, n], force)
         form_at(acting.forms, acting.load_form[n], q, place)
         for k in range(len(space)):
             if moving:
@@ -601,9 +601,8 @@ def power(
     acting: Acting,
     q: Array,
     v: Array,
-    values: Array,
-    free: Array,
-    t: float,
+    inputs: Any,
+    time: int,
     out: Array,
 ) -> None:
     """Add to out the power of loads and connectors beside the rate of their energies, and that of damping, W.
@@ -611,6 +610,7 @@ def power(
     Of a connector: −N ṁ + dE/dt with dE/dt = (k x + preload) ẋ, and −½ [N(x, ẋ) − N(x, −ẋ)] ẋ.
     """
     a, b = vector(space), vector(space)
+    free, t = inputs.free[time], inputs.t[time]
     for n in range(len(acting.kind)):
         m = measure(space, acting, n, q, a, b)
         rate = measure_rate(space, acting, n, v, a, b)
@@ -624,7 +624,7 @@ def power(
         out[1] -= 0.5 * (force - force_of(acting, n, x, -change, t)) * change
         acting.now[n, 1] = m
     for n in range(len(acting.load_kind)):
-        load_at(space, acting, n, q, values[n], a)
+        load_at(space, acting, n, q, inputs.loads[time, n], a)
         form_rate(acting.forms, acting.load_form[n], v, b)
         for k in range(len(space)):
             out[0] += a[k] * b[k]

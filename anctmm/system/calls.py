@@ -15,20 +15,22 @@ from numpy.typing import NDArray
 from anctmm.kernels.intrinsics import call, call_number
 from anctmm.kernels.options import c_function, kernel, part
 from anctmm.system import acting, elastic, forces, rows, tangents
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 Zeros = tuple[int, ...]
 
 _A, _V = types.Array(types.float64, 2, "C"), types.Array(types.float64, 1, "C")
 _NUMBER, _NONE = types.float64, types.void
-_GIVEN = (_A, _A, _NUMBER)  # loads, free, t
+_GIVEN = ("inputs", types.int64)  # and which time of them
 
+#: Inputs of no particular scene, for their type.
+INPUTS = Inputs(np.zeros(1), np.zeros((1, 1, 3)), np.zeros((1, 0, 2)), np.zeros((1, 0, 2)))
 #: The functions, their results, and the types of their arguments; names are those of what `System` has.
 FUNCTIONS: list[tuple[Callable[..., Any], Any, tuple[Any, ...]]] = [
     (forces.set_forces, _NONE, ("space", "tables", _A, _A, *_GIVEN, _A)),
     (forces.set_reactions, _NONE, ("space", "tables", _A, _A, _A, *_GIVEN, _A)),
-    (tangents.set_matrix, _NONE, ("size", "space", "tables", _A, _A, _A, *_GIVEN, *3 * (_NUMBER,))),
+    (tangents.set_matrix, _NONE, ("size", "space", "tables", _A, _A, *_GIVEN, *3 * (_NUMBER,))),
     (tangents.factorize_matrix, _NUMBER, ("size", "tables")),
     (tangents.solve_for, _NONE, ("size", "space", "tables", _A)),
     (rows.set_rows, _NUMBER, ("rows", _A, _A)),
@@ -37,7 +39,7 @@ FUNCTIONS: list[tuple[Callable[..., Any], Any, tuple[Any, ...]]] = [
     (rows.set_accelerations, _NONE, ("rows", _A, _A, _A, _A)),
     (rows.drive_power, _NUMBER, ("rows", _A, _A)),
     (rows.drive_work, _NUMBER, ("rows", _A, _A, types.boolean, _A)),
-    (acting.work_done, _NONE, ("space", "acting", types.boolean, _A, _A, _A, _V)),
+    (acting.work_done, _NONE, ("space", "acting", types.boolean, _A, *_GIVEN, _V)),
     (acting.power, _NONE, ("space", "acting", _A, _A, *_GIVEN, _V)),
     (elastic.kinetic_energy, _NUMBER, ("space", "elements", _A, _A)),
     (elastic.strain_energy, _NUMBER, ("elements", _A)),
@@ -52,12 +54,12 @@ FUNCTIONS: list[tuple[Callable[..., Any], Any, tuple[Any, ...]]] = [
 def addresses_of(size: Zeros, space: Zeros, tables: Tables) -> NDArray[np.int64]:
     """Addresses of all functions for a scene."""
     groups = (tables.elements, tables.rows, tables.acting)
-    return _addresses(typeof(size), typeof(space), typeof(tables), *map(typeof, groups))
+    return _addresses(*map(typeof, (size, space, tables, INPUTS, *groups)))
 
 
 @cache
 def _addresses(
-    size: Any, space: Any, tables: Any, elements: Any, rows: Any, acting: Any
+    size: Any, space: Any, tables: Any, inputs: Any, elements: Any, rows: Any, acting: Any
 ) -> NDArray[np.int64]:
     """The same by the types of what `FUNCTIONS` names."""
     known = locals()
@@ -69,22 +71,22 @@ def _addresses(
 
 
 @part
-def set_forces(space, tables, q, v, loads, free, t, f):  # type: ignore[no-untyped-def]
+def set_forces(space, tables, q, v, inputs, n, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.forces`."""
-    call(tables.calls[FORCES], space, tables, q, v, loads, free, t, f)
+    call(tables.calls[FORCES], space, tables, q, v, inputs, n, f)
 
 
 @part
-def set_reactions(space, tables, q, v, w, loads, free, t, f):  # type: ignore[no-untyped-def]
+def set_reactions(space, tables, q, v, w, inputs, n, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.forces`."""
-    call(tables.calls[REACTIONS], space, tables, q, v, w, loads, free, t, f)
+    call(tables.calls[REACTIONS], space, tables, q, v, w, inputs, n, f)
 
 
 @kernel
-def set_matrix(size, space, tables, q, v, signals, loads, free, t, mass, stiffness, rate):  # type: ignore[no-untyped-def]
+def set_matrix(size, space, tables, q, v, inputs, n, mass, stiffness, rate):  # type: ignore[no-untyped-def]
     """See `anctmm.system.tangents`."""
     address = tables.calls[MATRIX]
-    call(address, size, space, tables, q, v, signals, loads, free, t, mass, stiffness, rate)
+    call(address, size, space, tables, q, v, inputs, n, mass, stiffness, rate)
 
 
 @kernel
@@ -136,15 +138,15 @@ def drive_work(tables, q, signals, moving, memory):  # type: ignore[no-untyped-d
 
 
 @part
-def work_done(space, tables, moving, q, loads, free, out):  # type: ignore[no-untyped-def]
+def work_done(space, tables, moving, q, inputs, n, out):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    call(tables.calls[WORK], space, tables.acting, moving, q, loads, free, out)
+    call(tables.calls[WORK], space, tables.acting, moving, q, inputs, n, out)
 
 
 @part
-def power(space, tables, q, v, loads, free, t, out):  # type: ignore[no-untyped-def]
+def power(space, tables, q, v, inputs, n, out):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    call(tables.calls[POWER], space, tables.acting, q, v, loads, free, t, out)
+    call(tables.calls[POWER], space, tables.acting, q, v, inputs, n, out)
 
 
 @part

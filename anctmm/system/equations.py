@@ -8,7 +8,7 @@ from anctmm.system.calls import set_forces, set_jacobian, set_rows
 from anctmm.system.elastic import subtract_inertia
 from anctmm.system.matrix import gather
 from anctmm.system.rows import add_row_forces
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -20,10 +20,8 @@ def set_residual(
     q: Array,
     v: Array,
     w: Array,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     f: Array,
 ) -> float:
     """Residual f(q, v, t) − M w − Jᵀλ, in f by nodes and in the unknowns, with the J and the values g of the rows.
@@ -33,12 +31,12 @@ def set_residual(
     float
         The largest value of a row.
     """
-    set_forces(space, tables, q, v, loads, free, t, f)
+    set_forces(space, tables, q, v, inputs, n, f)
     subtract_inertia(space, tables.elements, w, f)
     largest = 0.0
     if len(tables.rows.at) > 0:
-        set_jacobian(tables, q, signals)
-        largest = set_rows(tables, q, signals)
+        set_jacobian(tables, q, inputs.signals[n])
+        largest = set_rows(tables, q, inputs.signals[n])
         add_row_forces(tables.rows, f)
     gather(space, tables.matrix.at, f, tables.matrix.unknowns)
     return largest

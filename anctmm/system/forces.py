@@ -7,7 +7,7 @@ from anctmm.kernels.options import inlined
 from anctmm.system.acting import add_connectors, add_loads
 from anctmm.system.elastic import subtract_damping, subtract_elastic, subtract_element, subtract_rigid_inertia
 from anctmm.system.rows import add_row_forces
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def place_driven(driven, signals, q, v, w):  # type: ignore[no-untyped-def]
 
 
 def set_forces(
-    space: tuple[int, ...], tables: Tables, q: Array, v: Array, loads: Array, free: Array, t: float, f: Array
+    space: tuple[int, ...], tables: Tables, q: Array, v: Array, inputs: Inputs, n: int, f: Array
 ) -> None:
     """All forces at q and v but inertia and those of the rows, (rows, nodes)."""
     dead = tables.dead
@@ -36,9 +36,9 @@ def set_forces(
         for i in range(f.shape[1]):
             f[k, i] = dead[k, i]
     if len(tables.acting.load_kind) > 0:
-        add_loads(space, tables.acting, q, loads, f)
+        add_loads(space, tables.acting, q, inputs.loads[n], f)
     if len(tables.acting.kind) > 0:
-        add_connectors(space, tables.acting, q, v, free, t, f)
+        add_connectors(space, tables.acting, q, v, inputs.free[n], inputs.t[n], f)
     if tables.damped[1] != 0:
         subtract_damping(space, tables.elements, q, v, f)
     subtract_elastic(space, tables.elements, q, f)
@@ -50,9 +50,8 @@ def set_reactions(
     q: Array,
     v: Array,
     w: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     f: Array,
 ) -> None:
     """Make f the forces that drives exert on driven vectors; elsewhere it means nothing."""
@@ -61,11 +60,11 @@ def set_reactions(
         for i in range(f.shape[1]):
             f[k, i] = tables.dead[k, i]
     if len(tables.acting.load_kind) > 0:
-        add_loads(space, tables.acting, q, loads, f)
+        add_loads(space, tables.acting, q, inputs.loads[n], f)
     if len(tables.acting.kind) > 0:
-        add_connectors(space, tables.acting, q, v, free, t, f)
-    for n in range(len(driven.beam)):
-        b, i = driven.beam[n], driven.element[n]
+        add_connectors(space, tables.acting, q, v, inputs.free[n], inputs.t[n], f)
+    for k in range(len(driven.beam)):
+        b, i = driven.beam[k], driven.element[k]
         subtract_element(space, elements, b, i, q, v, w, f)
     subtract_rigid_inertia(elements, w, f)
     add_row_forces(tables.rows, f)

@@ -7,7 +7,7 @@ from anctmm.elimination.factor import factorize, solve
 from anctmm.system.acting import add_acting_tangents
 from anctmm.system.elastic import add_mass, add_tangent
 from anctmm.system.matrix import add_rows, augment, clear, scatter
-from anctmm.system.tables import Tables
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -18,10 +18,8 @@ def set_matrix(
     tables: Tables,
     q: Array,
     v: Array,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     mass: float,
     stiffness: float,
     rate: float,
@@ -32,8 +30,8 @@ def set_matrix(
     add_mass(size, space, tables.elements, mass, matrix.flat)
     if stiffness != 0.0:
         add_tangent(size, space, tables.elements, q, stiffness, matrix.flat)
-        add_acting_tangents(space, tables.acting, q, v, loads, free, t, stiffness, rate, matrix.flat, width)
-    add_rows(tables.rows, matrix.flat, width, max(mass, 1e-300), stiffness, signals)
+        add_acting_tangents(space, tables.acting, q, v, inputs, n, stiffness, rate, matrix.flat, width)
+    add_rows(tables.rows, matrix.flat, width, max(mass, 1e-300), stiffness, inputs.signals[n])
 
 
 def factorize_matrix(size: tuple[int, ...], tables: Tables) -> float:
