@@ -297,7 +297,7 @@ def check(
     else:
         whole = not (only or solver or case)
         work = checking.check(tasks, stored, whole=whole, workers=processors(), file=name)
-    findings = checking.in_order(_shown_in_turn(work, len(tasks)), tasks)
+    findings = _shown_in_turn(work, len(tasks))
     write_check(findings, out / "check")
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
