@@ -165,7 +165,6 @@ class Solution:
     @cached_property
     def _reactions(self) -> list[Array]:
         """Reactions of all joints, in the scene's order."""
-        check_plane(self.scene, "reactions")
         return reactions_of(self)
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
@@ -277,7 +276,7 @@ class Solution:
         return self._read(place, fraction, self._section_force, 3)
 
     def reaction(self, joint: JointKind) -> Array:
-        """Force and moment of a joint on its first place, in fixed axes, (n, 3), N, N, N m.
+        """Force, N, and moment, N m, of a joint on its first place, in fixed axes, (n, 3), or (n, 6) in space.
 
         For a driven clamp the moment is the torque of its drive. Of a joint of several places that is grounded it is
         what the ground and the other places exert together; a pin of its own at one of these has the support's.

@@ -17,11 +17,23 @@ Array = NDArray[np.float64]
 
 
 class Action(NamedTuple):
-    """A force, (n, 2), N, and a moment, (n,), N m counter-clockwise, on a place."""
+    """A force, (n, dim), N, and a moment, (n, 1), N m counter-clockwise, in space (n, 3), on a place."""
 
     place: Place
     force: Any
     moment: Any
+
+
+def moment_of(arm: Array, force: Array) -> Array:
+    """arm × force, (…, 1) of vectors of the plane, (…, 3) of space."""
+    if arm.shape[-1] == 3:
+        return np.cross(arm, force)
+    return arm[..., :1] * force[..., 1:] - arm[..., 1:] * force[..., :1]
+
+
+def turned(moment: Array, vector: Array) -> Array:
+    """moment × vector, (…, dim)."""
+    return np.cross(moment, vector) if vector.shape[-1] == 3 else moment * (vector @ QUARTER_TURN.T)
 
 
 def actions_on(solution: Any, body: str) -> Iterator[Action]:
@@ -37,7 +49,7 @@ def actions_on(solution: Any, body: str) -> Iterator[Action]:
 
 
 def along(solution: Any, body: str) -> Array:
-    """Forces per undeformed length of a beam: its weight and line loads, (n, 2), N/m."""
+    """Forces per undeformed length of a beam: its weight and line loads, (n, dim), N/m."""
     scene, beam = solution.scene, solution.scene.beam(body)
     total = np.outer(_factors(solution), beam.mass / beam.length * np.asarray(scene.gravity))
     for load in scene.loads:
@@ -47,22 +59,22 @@ def along(solution: Any, body: str) -> Array:
 
 
 def _of_load(solution: Any, load: Load) -> Action:
-    values, none = _values(solution, load), np.zeros((len(solution.t), 2))
+    values, place = _values(solution, load), solution.scene.place(load.end)  # type: ignore[union-attr]
     match load:
         case Force():
             if load.follower:
                 angle = turn_since_placed(solution, load.end)[:, None]
                 values = np.cos(angle) * values + np.sin(angle) * (values @ QUARTER_TURN.T)
-            return Action(solution.scene.place(load.end), values, none[:, 0])
+            return Action(place, values, moment_of(0.0 * values, values))
         case Torque():
-            return Action(solution.scene.place(load.end), none, values[:, 0])
+            return Action(place, np.zeros((len(values), 2)), values)
         case _:
             raise unknown_kind("load", load, LOADS)  # type: ignore[arg-type]
 
 
 def _values(solution: Any, load: Load) -> Array:
     """Value of a load at each output, (n, numbers); in statics a part of what it is at t = 0."""
-    width, n = width_of(load), len(solution.t)
+    width, n = width_of(load, solution.scene.dim), len(solution.t)
     values: Any = np.atleast_1d(np.asarray(load.value, dtype=float)) if not callable(load.value) else None
     if values is None:
         t = 0.0 * solution.t if solution.static else solution.t
@@ -72,17 +84,18 @@ def _values(solution: Any, load: Load) -> Array:
 
 def _of_connector(solution: Any, connector: Connector) -> Iterator[Action]:
     tension, (first, second) = tension_of(solution, connector), ends_of(solution.scene, connector)
-    none = np.zeros((len(tension), 2))
     match connector:
         case Spring():
             pull = tension[:, None] * _line(solution, connector)[2]
-            yield Action(first, pull, none[:, 0])
+            none = moment_of(0.0 * pull, pull)
+            yield Action(first, pull, none)
             if isinstance(second, Place):
-                yield Action(second, -pull, none[:, 0])
+                yield Action(second, -pull, none)
         case RotationalSpring():
+            none, moment = np.zeros((len(tension), 2)), tension[:, None]
             if isinstance(second, Place):
-                yield Action(first, none, tension)
-            yield Action(second if isinstance(second, Place) else first, none, -tension)
+                yield Action(first, none, moment)
+            yield Action(second if isinstance(second, Place) else first, none, -moment)
         case _:
             raise unknown_kind("connector", connector, CONNECTORS)
 
@@ -130,7 +143,7 @@ def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
         _motion(solution, spring.second) if spring.ground is None else (np.asarray(spring.ground), 0.0)
     )
     apart = there - here
-    distance = np.hypot(*apart.T)
+    distance = np.linalg.norm(apart, axis=1)
     direction = np.divide(apart, distance[:, None], out=np.zeros_like(apart), where=distance[:, None] > 0.0)
     return distance, np.einsum("nc,nc->n", direction, faster - speed), direction
 
@@ -152,7 +165,7 @@ def _as_placed(solution: Any, connector: Connector) -> float:
         return 0.0
     first, second = ends_of(solution.scene, connector)
     there: Any = second.position if isinstance(second, Place) else second
-    return float(np.hypot(*np.subtract(there, first.position)))
+    return float(np.linalg.norm(np.subtract(there, first.position)))
 
 
 def _factors(solution: Any) -> Array:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from anctmm.errors import ResultError
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.places import Place
-from anctmm.results.fields import NodalField, cross
-from anctmm.results.internal_forces.actions import actions_on, along
+from anctmm.model.rigid_bodies import CENTER, PointMass
+from anctmm.results.fields import NodalField
+from anctmm.results.internal_forces.actions import actions_on, along, moment_of
 from anctmm.results.internal_forces.section_forces import HeldBeam
 from anctmm.results.joint_rows import SLOTS, JointAtOutputs, Row, rigid_bodies
 
@@ -33,7 +34,7 @@ AT_NODE = 1e-9
 
 
 def reactions_of(solution: Any) -> list[Array]:
-    """What each joint of a scene exerts on its first place, (n, 3): N, N, N m counter-clockwise, in fixed axes.
+    """What each joint of a scene exerts on its first place: force, N, and moment, N m, see `Solution.reaction`.
 
     Raises
     ------
@@ -49,25 +50,17 @@ def reactions_of(solution: Any) -> list[Array]:
             equations.add(joint, row)
     multipliers, first, found = equations.multipliers(), 0, []
     for joint, own in zip(joints, rows, strict=True):
-        total = np.zeros((len(solution.t), 3))
+        forces = np.zeros((SLOTS, len(solution.t), solution.scene.dim))
         for row in own:
             count = row.value.shape[1]
-            total += _on_first_place(joint, row, multipliers[:, first : first + count])
+            for slot in set(row.slopes) & set(range(SLOTS)):
+                forces[slot] += np.einsum(
+                    "nr,nrc->nc", multipliers[:, first : first + count], row.slopes[slot]
+                )
             first += count
-        found.append(total)
-    return found
-
-
-def _on_first_place(joint: JointAtOutputs, row: Row, multipliers: Array) -> Array:
-    """Force and moment of one equation of a joint on its first place, (n, 3)."""
-    found = np.zeros((len(multipliers), 3))
-    for slot in range(SLOTS):
-        if slot in row.slopes:
-            force = np.einsum("nr,nrc->nc", multipliers, row.slopes[slot])
-            if slot == 0:
-                found[:, :2] += force
-            else:
-                found[:, 2] += cross(joint.vectors[slot], force)
+        turning = [slot for slot in range(1, SLOTS) if forces[slot].any()]
+        moments = (moment_of(joint.vectors[slot], forces[slot]) for slot in turning)
+        found.append(np.hstack([forces[0], sum(moments, moment_of(0.0 * forces[0], forces[0]))]))
     return found
 
 
@@ -101,19 +94,26 @@ class _Equations:
             self.factors.append(factor)
 
     def _of_rigid(self, joint: JointAtOutputs, vector: int, place: Place) -> Iterator[tuple[int, Array]]:
-        """Part that a force on a vector of a place has in the sums of forces and moments on a rigid body, (n, 2)."""
-        body = place.body
+        """Parts of a force on a vector of a place in the sums of forces and moments on a rigid body, (n, dim)."""
+        body, eye = place.body, np.eye(self.solution.scene.dim)
         if body.name not in self.first:
-            self.first[body.name] = len(self.sums)
-            force, moment = _held(self.solution, body)
-            self.sums += [force[:, 0], force[:, 1], moment]
-            self.masses += [body.mass, body.mass, inertia_of(body) or 1.0]
+            self._begin_rigid(body)
         first, arm = self.first[body.name], joint.vectors[vector]
         if vector % SLOTS == 0:
-            yield from enumerate(np.eye(2)[:, None], start=first)
+            yield from enumerate(eye[:, None], start=first)
             arm = arm - _center(self.solution, body)
-        if inertia_of(body):  # a point mass bears no moment
-            yield first + 2, np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        if not isinstance(body, PointMass):  # which bears no moment
+            moments = np.stack([moment_of(arm, np.broadcast_to(e, arm.shape)) for e in eye], axis=-1)
+            yield from enumerate(np.moveaxis(moments, 1, 0), start=first + len(eye))
+
+    def _begin_rigid(self, body: Body) -> None:
+        """Write down the sums of the forces and moments on a rigid body."""
+        self.first[body.name] = len(self.sums)
+        force, moment = _held(self.solution, body)
+        self.sums += [*force.T, *moment.T]
+        self.masses += [body.mass] * force.shape[1]
+        if not isinstance(body, PointMass):
+            self.masses += [float(_second_moments(self.solution, body).sum())] * moment.shape[1]
 
     def _of_beam(self, slot: int, place: Place) -> Iterator[tuple[int, Array]]:
         """The same in the sums of forces on the vectors of the nodes next to a place of a beam."""
@@ -125,7 +125,8 @@ class _Equations:
                 self._begin(self.beams[name], node)
             for k, weight in enumerate(weights):
                 if weight:
-                    yield from enumerate(weight * np.eye(2)[:, None], start=self.first[name, node] + 2 * k)
+                    eye = np.eye(self.solution.scene.dim)
+                    yield from enumerate(weight * eye[:, None], start=self.first[name, node] + len(eye) * k)
 
     def _begin(self, beam: HeldBeam, node: int) -> None:
         """Write down the sums of the generalized forces on a node."""
@@ -134,8 +135,8 @@ class _Equations:
         first, last = np.split(np.diag(beam.element.mass), 2)
         mass = last * (node > 0) + first * (node < beam.count)
         for k in range(half):
-            self.sums += [held[:, k, 0], held[:, k, 1]]
-            self.masses += [float(mass[k])] * 2
+            self.sums += [*held[:, k].T]
+            self.masses += [float(mass[k])] * held.shape[2]
 
     def multipliers(self) -> Array:
         """All multipliers, (n, count)."""
@@ -174,18 +175,29 @@ def _nodes(beam: HeldBeam, slot: int, fraction: float) -> list[tuple[int, Array]
     return [(number, weights[:half]), (number + 1, weights[half:])]
 
 
-def inertia_of(body: Body) -> float:
-    """Moment of inertia about the centre of mass of a body that does not bend, kg m²; 0 of a point mass."""
-    return body.mass * body.length**2 / 12.0 if isinstance(body, Beam) else getattr(body, "inertia", 0.0)
+def _second_moments(solution: Any, body: Body) -> Array:
+    """∫ x_k² dm along each vector u_k that turns with a rigid body: its angular momentum is Σ of these u_k × u̇_k.
+
+    In the plane its one vector has the whole moment of inertia, (1,), in space each axis its part, (3,); kg m².
+    """
+    if isinstance(body, Beam):
+        return np.array([body.mass * body.length**2 / 12.0])
+    if len(body.center) == 2:
+        return np.array([body.inertia])  # type: ignore[union-attr]
+    axes = np.array(solution.fields[body.name].axes)
+    moments = np.diag(axes @ np.array(body.inertia) @ axes.T)  # type: ignore[union-attr]
+    return np.asarray(0.5 * moments.sum() - moments)
 
 
 def _center(solution: Any, body: Body) -> Array:
-    """Centre of mass, (n, 2), m."""
-    return np.asarray(solution.fields[body.name].position(0.5 if isinstance(body, Beam) else "center"))
+    """Centre of mass, (n, dim), m."""
+    return np.asarray(solution.fields[body.name].position(0.5 if isinstance(body, Beam) else CENTER))
 
 
 def _held(solution: Any, body: Body) -> tuple[Array, Array]:
-    """Force (n, 2) and moment about its centre (n,) on a rigid body of all that is no load, weight or connector.
+    """Force and moment about its centre on a rigid body of all that is no load, weight or connector.
+
+    A point mass has no moment, (n, 0).
 
     Raises
     ------
@@ -202,13 +214,17 @@ def _held(solution: Any, body: Body) -> tuple[Array, Array]:
     a = np.zeros_like(q) if a is None else a
     if isinstance(body, Beam):  # both of its nodes have r, and r_x, a unit vector that turns with it
         force = body.mass * a[:, :, 0].mean(axis=1) - body.length * along(solution, name)
-        turning = cross(q[:, 0, 1], a[:, 0, 1])
+        q, a = q[:, 0], a[:, 0]
     else:
         factor = solution.t if solution.static else np.ones(len(q))
         force = body.mass * (a[:, 0] - np.outer(factor, solution.scene.gravity))
-        turning = cross(q[:, -1], a[:, -1])
-    center, moment = _center(solution, body), inertia_of(body) * turning
-    for action in actions_on(solution, name):
-        force = force - action.force
-        moment = moment - action.moment - cross(field.position(action.place.key) - center, action.force)
+    actions = list(actions_on(solution, name))
+    force = force - sum(action.force for action in actions)
+    if isinstance(body, PointMass):
+        return force, np.empty((len(force), 0))
+    center, second = _center(solution, body), _second_moments(solution, body)
+    moment = sum(s * moment_of(q[:, k], a[:, k]) for k, s in enumerate(second, start=1))
+    for action in actions:
+        arm = field.position(action.place.key) - center
+        moment = moment - action.moment - moment_of(arm, action.force)
     return force, moment

@@ -23,7 +23,7 @@ from anctmm.elements.shapes import gauss
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import ResultError
 from anctmm.results.fields import HermiteField, InterpolatedField, cross
-from anctmm.results.internal_forces.actions import Action, actions_on, along
+from anctmm.results.internal_forces.actions import Action, actions_on, along, turned
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class HeldBeam:
             )
         self.solution, self.name, self.body = solution, name, solution.scene.beam(name)
         self.element = kind.element_of(self.body, self.count, solution.run.quadrature)
-        #: Coordinates and their rates, (n, nodes, vectors, 2), 0 where there is none.
+        #: Coordinates and their rates, (n, nodes, vectors, dim), 0 where there is none.
         self.q = field.coordinates
         self.v, self.a = (
             np.zeros_like(self.q) if x is None else x for x in (field.velocities, field.accelerations)
@@ -79,8 +79,8 @@ class HeldBeam:
         return max(ceil(fraction * self.count - 1e-12) - 1, 0)
 
     def of_element(self, series: Array, number: int) -> Array:
-        """Vectors of both nodes of an element, (n, vectors, 2)."""
-        return series[:, number : number + 2].reshape(len(series), -1, 2)
+        """Vectors of both nodes of an element, (n, vectors, dim)."""
+        return series[:, number : number + 2].reshape(len(series), -1, series.shape[-1])
 
     @cached_property
     def actions(self) -> dict[int, list[tuple[float, Action]]]:
@@ -93,11 +93,11 @@ class HeldBeam:
 
     @cached_property
     def load(self) -> Array:
-        """Forces along the beam, (n, 2), N/m."""
+        """Forces along the beam, (n, dim), N/m."""
         return along(self.solution, self.name)
 
     def holding(self, number: int) -> Array:
-        """R: generalized forces that hold an element in its motion, (n, vectors, 2)."""
+        """R: generalized forces that hold an element in its motion, (n, vectors, dim)."""
         if number not in self._holding:
             self._holding[number] = self._held(number)
         return self._holding[number]
@@ -113,12 +113,12 @@ class HeldBeam:
             R -= np.einsum("i,nc->nic", element.axis(x)[0], action.force)
             weight = element.turning(x)[0]
             g = np.einsum("i,nic->nc", weight, q)
-            turned = np.stack([-g[:, 1], g[:, 0]], axis=1) / np.einsum("nc,nc->n", g, g)[:, None]
-            R -= np.einsum("i,n,nc->nic", weight, action.moment, turned)
+            pull = turned(action.moment, g) / np.einsum("nc,nc->n", g, g)[:, None]
+            R -= np.einsum("i,nc->nic", weight, pull)
         return R
 
     def at_node(self, node: int) -> Array:
-        """Generalized forces on a node of all but its beam, (n, vectors, 2)."""
+        """Generalized forces on a node of all but its beam, (n, vectors, dim)."""
         half = self.q.shape[2]
         before = self.holding(node - 1)[:, half:] if node > 0 else 0.0
         return np.asarray(before + (self.holding(node)[:, :half] if node < self.count else 0.0))
@@ -137,7 +137,7 @@ class HeldBeam:
         for y, action in self.actions.get(number, []):
             if y >= x - 1e-12 and y > 0.0:
                 total += action.force
-                turning = turning + action.moment + cross(axis(q, y) - here, action.force)
+                turning = turning + action.moment[:, 0] + cross(axis(q, y) - here, action.force)
         density = self.body.material.density
         for y, w in zip(*gauss(element.degree + 1), strict=True):  # r × r̈ is of twice the degree of the axis
             s, ds = x + (1.0 - x) * y, (1.0 - x) * w * element.l
