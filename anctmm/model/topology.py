@@ -2,13 +2,13 @@
 
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
-from anctmm.model.joints import Clamp, Guide, Joint, Weld, built_in, drive_of
+from anctmm.model.joints import Clamp, Guide, Weld, built_in
 from anctmm.model.places import End, Graph, Place
-from anctmm.model.rigid_bodies import CENTER, PointMass
+from anctmm.model.rigid_bodies import PointMass
 
 T = TypeVar("T", bound=Hashable)
 #: What stands for the ground among names of bodies, which are texts.
@@ -69,42 +69,9 @@ class Sets(Generic[T]):
         return list(sets.values())
 
 
-class HeldDirection(NamedTuple):
-    """A joint, the place whose direction it holds, or turns, and the place against which; None is the ground."""
-
-    joint: Joint
-    by: Place | None
-    place: Place
-
-
-def held_directions(scene: Graph) -> Iterator[HeldDirection]:
-    """All directions that joints hold, or turn, against another body or against the ground."""
-    for joint in scene.joints:
-        if not joint.holds_direction:
-            continue
-        first, *others = [scene.place(end) for end in joint.ends]
-        if isinstance(joint, Weld):
-            yield from (HeldDirection(joint, first, other) for other in others)
-        else:
-            body = joint.body if isinstance(joint, Guide) else None
-            yield HeldDirection(joint, Place(scene.body(body), CENTER) if body else None, first)
-
-
 def turning_bodies(scene: Graph) -> list[str]:
-    """Names of bodies whose turns are to be counted: those of all others follow.
-
-    They are the first of each set whose directions joints hold to each other and not to the ground, drives apart: a
-    file may not have their functions.
-    """
-    sets, found = Sets[str | None](), dict[str | None, str]()
-    for joint, by, place in held_directions(scene):
-        if joint.on_line or drive_of(joint) is None:
-            sets.unite(by.body.name if by else GROUND, place.body.name)
-    for body in scene.bodies:
-        if not isinstance(body, PointMass):  # it has no direction
-            found.setdefault(sets.of(body.name), body.name)
-    held = sets.of(GROUND)
-    return [name for one, name in found.items() if one != held]
+    """Names of the bodies whose turns are counted: all that have a direction."""
+    return [body.name for body in scene.bodies if not isinstance(body, PointMass)]
 
 
 def joined_bodies(scene: Graph, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, reason, shown
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.results.export.mode_pictures import plot_campbell
+from anctmm.results.export.pictures import plot_campbell
 from anctmm.small_motions.modal import grows
 from anctmm.small_motions.modes import modes
 from anctmm.validation import number, whole

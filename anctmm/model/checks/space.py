@@ -73,7 +73,7 @@ def check_plane(scene: Any, what: str) -> None:
     if scene.dim == 3:
         raise ResultError(
             f"{what} are offered in the plane, and scene {scene.name!r} is in space; there are positions, velocities, "
-            f"energies, tensions, saved files, and the `rotation` of rigid bodies"
+            f"energies, reactions, tensions, saved files, and the `rotation` of rigid bodies"
         )
 
 
