@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterable
 from itertools import islice
-from math import log10
 from reprlib import Repr
 from typing import Never
 
@@ -170,24 +169,10 @@ def unknown_option(what: str, value: object, allowed: Iterable[str]) -> UnknownO
     return UnknownOptionError(f"{what} is {shown(value)}; allowed are {', '.join(map(repr, allowed))}")
 
 
-def _power_of_ten(value: int) -> str:
-    """A large whole number as about 1.2e345; its digits may be too many to be printed."""
-    shift = max(value.bit_length() - 60, 0)
-    exponent = log10(value >> shift) + shift * log10(2.0)
-    return f"{10.0 ** (exponent % 1.0):.3g}e{int(exponent)}"
-
-
-class _Short(Repr):
-    """Short texts; whole numbers of many digits by their size, as Python refuses to print too many."""
-
-    def repr_int(self, x: int, level: int) -> str:
-        return repr(x) if abs(x) < 10**40 else f"{'-' if x < 0 else ''}{_power_of_ten(abs(x))}"
-
-
 #: Where a function or another object stands in memory: it says nothing, and is another one in each run.
 _ADDRESS = re.compile(r"(<[\w .<>'-]+?) at 0x[0-9a-fA-F]+(?=>)")
 #: Characters of a value in a message, and names in a list, at most.
 LONG, MANY = 240, 12
-_SHORT = _Short()
+_SHORT = Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxlong, _SHORT.maxother = 4, 80, 60, LONG
 _SHORT.maxtuple = _SHORT.maxlist = _SHORT.maxarray = _SHORT.maxdict = _SHORT.maxset = 8

@@ -87,17 +87,13 @@ def within(
 
 def whole(name: str, value: object, high: int, error: type[AnctmmError] = PropertyError) -> int:
     """Return `value` as an int from 1 to `high`, or raise `error`."""
-    result = None
-    if isinstance(value, Integral) and not isinstance(value, bool | np.timedelta64):
-        try:
-            result = int(value)
-        except Exception:  # an integer of another package
-            result = None
-    if result is None or result < 1:
-        raise error(f"{name} is {shown(value)}; a whole number from 1 on is needed")
-    if result > high:
+    if (
+        not isinstance(value, Integral)
+        or isinstance(value, bool | np.timedelta64)
+        or not 1 <= int(value) <= high
+    ):
         raise error(f"{name} is {shown(value)}; a whole number from 1 on is needed, at most {high}")
-    return result
+    return int(value)
 
 
 def flag(name: str, value: object, error: type[AnctmmError] = PropertyError) -> bool:
@@ -109,13 +105,14 @@ def flag(name: str, value: object, error: type[AnctmmError] = PropertyError) -> 
 
 def text(name: str, value: object, error: type[AnctmmError] = PropertyError) -> str:
     """Return `value` as a plain string that can name something, or raise `error`."""
-    needed = f"a non-empty string of at most {NAME} printable characters is needed"
-    if not isinstance(value, str):
-        raise error(f"{name} is {shown(value)}; {needed}")
-    result = str.__str__(value)
-    if not 0 < len(result) <= NAME or not result.isprintable() or result != result.strip():
-        raise error(f"{name} is {shown(value)}; {needed}, with no space before or behind")
-    return result
+    if not isinstance(value, str) or not (
+        0 < len(value) <= NAME and value.isprintable() and value == value.strip()
+    ):
+        raise error(
+            f"{name} is {shown(value)}; a non-empty string of at most {NAME} printable characters is needed, with no "
+            f"space before or behind"
+        )
+    return str.__str__(value)
 
 
 def vector(
@@ -130,13 +127,9 @@ def vector(
     dims: numbers of components that are allowed, 2 or 3.
     """
     if not has_length(value, dims):
-        needed = (
-            "a pair of finite numbers (x, y) is needed" if 2 in dims else "three finite numbers are needed"
-        )
-        space = ", or three in space" if len(dims) == 2 else ""
-        raise error(
-            f"{name} is {shown(value)}; {needed}{space}: a tuple, a list or an array, whose order is known"
-        )
+        needed = "a pair (x, y)" if 2 in dims else "a triple (x, y, z)"
+        space = ", or a triple (x, y, z) in space," if len(dims) == 2 else ""
+        raise error(f"{name} is {shown(value)}; {needed}{space} of finite numbers in a known order is needed")
     given: Any = value
     found = tuple(number(f"{name}, {axis}", x, error) for axis, x in zip("xyz", given, strict=False))
     if max(map(abs, found)) > high:
@@ -146,11 +139,10 @@ def vector(
 
 def is_point(value: object) -> bool:
     """Whether a value is an ordered sequence or an array of two or three numbers."""
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(
-        value, str | bytes | bytearray | memoryview
-    ):
+    if not has_length(value, (2, 3)):
         return False
-    return len(value) in (2, 3) and all(isinstance(x, Real) and not isinstance(x, bool) for x in value)
+    given: Any = value
+    return all(isinstance(x, Real) and not isinstance(x, bool) for x in given)
 
 
 def point(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, ...]:
@@ -216,31 +208,20 @@ def _real(value: object) -> float | None:
         return None
 
 
-def is_pair(value: object) -> bool:
-    """Whether a value is an ordered sequence or an array of two things; texts, sets and mappings are none."""
-    return has_length(value, (2,))
-
-
 def has_length(value: object, lengths: Sequence[int]) -> bool:
     """Whether a value is an ordered sequence or an array of so many things; texts, sets and mappings are none."""
     if isinstance(value, np.ndarray):
         return type(value) is np.ndarray and value.ndim == 1 and len(value) in lengths
     if not isinstance(value, Sequence) or isinstance(value, str | bytes | bytearray | memoryview):
         return False
-    try:
-        return len(value) in lengths
-    except Exception:  # a sequence of the user's own
-        return False
+    return len(value) in lengths
 
 
 def several(what: str, things: object, most: int, needed: str, error: type[AnctmmError]) -> list[Any]:
     """Things of an ordered iterable as a list; the error names what they are and what is needed."""
     if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
         raise error(f"{what} {shown(things)}; {needed}")
-    try:
-        found = list(islice(things, most + 1))
-    except Exception as raised:  # an iterable of the user's own
-        raise error(f"{what} {shown(things)}, which raises {reason(raised)}; {needed}") from raised
+    found = list(islice(things, most + 1))
     if len(found) > most:
         raise error(f"{what} {shown(things)} of more than {most} things; {needed}, and {most} at most")
     return found

@@ -4,10 +4,9 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from anctmm.errors import CaseError, listed
+from anctmm.errors import CaseError, listed, shown
 from anctmm.model.case import Case
 from anctmm.model.places import Written
-from anctmm.solvers.foreign_code import told
 from studies import scenes
 from studies.user_files import defined_in
 
@@ -31,7 +30,7 @@ def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
     found = defined_in(Path(path), DECLARED, CaseError, "file")
     cases = tuple(found) if isinstance(found, list | tuple) else ()
     if not cases or not all(isinstance(case, Case) for case in cases):
-        what = f"no {DECLARED}" if found is None else f"{DECLARED} = {told(found)}"
+        what = f"no {DECLARED}" if found is None else f"{DECLARED} = {shown(found)}"
         raise CaseError(f"file {path} defines {what}; a list of at least one anctmm.Case is needed")
     names = [case.name for case in cases]
     if twice := next((n for n in names if names.count(n) > 1), None):

@@ -7,7 +7,7 @@ from anctmm.errors import UnknownNameError, shown
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.velocities import Point
-from anctmm.validation import is_pair, within
+from anctmm.validation import has_length, within
 
 #: How a place is written.
 Written = str | tuple[str, float]
@@ -36,7 +36,7 @@ def written(place: object) -> Written:
     if isinstance(place, str):
         return str.__str__(place)
     pair: Any = place
-    if not is_pair(place) or not isinstance(pair[0], str) or isinstance(pair[1], str):
+    if not has_length(place, (2,)) or not isinstance(pair[0], str) or isinstance(pair[1], str):
         raise UnknownNameError(f"place {shown(place)} is no place of a body; {PLACE_NEEDED}")
     name = str.__str__(pair[0])
     return name, within(f"place fraction on {shown(name)}", pair[1], 0.0, 1.0, "[]")

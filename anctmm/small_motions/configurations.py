@@ -4,18 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError, SolverError, shown
-from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 from anctmm.small_motions.linearised import SmallMotions
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Parts of the square of the spin by which the steady state is approached, and Newton's corrections in each; size of
-#: the last correction, of the scene's length.
-PARTS, ITERATIONS, CONVERGED = 4, 25, 1e-11
-#: What two scenes must share to be the same.
-PARTS_OF_SCENES = ("bodies", "joints", "loads", "gravity", "connectors")
+#: Size of Newton's last correction, of the scene's length.
+CONVERGED = 1e-11
 #: Statuses of motions whose last output is no state of the scene.
 LOST = ("diverged", "failed")
 
@@ -31,7 +27,7 @@ def steady_state(problem: SmallMotions) -> SmallMotions:
         If no steady state is found.
     """
     spin, found = problem.spin, 0.0
-    for part in np.arange(1, PARTS + 1) / PARTS:
+    for part in (0.25, 0.5, 0.75, 1.0):
         if (steady := _steady(problem, np.sqrt(part) * spin)) is not None:
             problem, found = steady, part
     if found < 1.0:
@@ -47,7 +43,7 @@ def _steady(problem: SmallMotions, spin: float) -> SmallMotions | None:
     system = problem.system
     multiplier = system.tables.rows.multiplier
     before, problem = multiplier.copy(), problem.at(problem.q, spin)
-    for _ in range(ITERATIONS):
+    for _ in range(25):
         step, forces = problem.correction()
         if not np.isfinite(step).all():
             break
@@ -65,33 +61,28 @@ def checked(system: System, about: object) -> Solution:
     Raises
     ------
     DiscretisationError
-        If it is no solution of the scene, its mesh and elements.
+        If it is no complete solution of the scene, its mesh and elements.
     """
     scene = system.scene
     if not isinstance(about, Solution) or not len(about.t):
         raise DiscretisationError(
             f"about is {shown(about)}; a solution of scene {scene.name!r} with an output is needed"
         )
-    if others := [part for part in PARTS_OF_SCENES if getattr(about.scene, part) != getattr(scene, part)]:
+    parts = ("bodies", "joints", "loads", "gravity", "connectors")
+    if others := [part for part in parts if getattr(about.scene, part) != getattr(scene, part)]:
         raise DiscretisationError(
             f"about is a solution of a scene {about.scene.name!r} with other {' and '.join(others)} than scene "
             f"{scene.name!r}; one of the same scene is needed (functions are the same where they are one object)"
         )
-    for beam in system.mesh.beams:
-        field, name = about.fields[beam.body.name], beam.body.name
-        if not isinstance(field, HermiteField) or field.coordinates.shape[1:3] != (beam.nodes, beam.vectors):
-            raise DiscretisationError(
-                f"about has another mesh or element of body {name!r}; {beam.elements} of kind {beam.kind.name!r} are "
-                f"needed"
-            )
-    if about.status.code in LOST and not about.static:
+    cut = system.run.of(scene)
+    if about.run is None or about.run.of(about.scene) != cut:
         raise DiscretisationError(
-            f"about is a run that ended with {about.status.code!r} ({about.status.message}); a complete run is "
-            f"needed: its last output is no state of scene {scene.name!r}"
+            f"about has another mesh or element than scene {scene.name!r}; {cut} is needed"
         )
-    if about.static and not about.status.ok and about.t[-1] < 1.0:
+    part_of_load = about.static and not about.status.ok and about.t[-1] < 1.0
+    if part_of_load or (about.status.code in LOST and not about.static):
         raise DiscretisationError(
-            f"about ended at {about.t[-1]:.3g} of the load of scene {scene.name!r} ({about.status}); an "
-            f"equilibrium is needed"
+            f"about ended with {about.status.code!r} ({about.status.message}); an equilibrium or a complete run is "
+            f"needed: its last output is no state of scene {scene.name!r}"
         )
     return about

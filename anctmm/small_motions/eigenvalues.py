@@ -21,20 +21,18 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Product = Callable[[Any], Any]
 
-#: Unknowns of dense matrices: symmetric ones, and rows of others.
-DENSE, DENSE_OTHERS = 1500, 1200
+#: Unknowns of dense matrices at most.
+DENSE = 1200
 #: Part of the largest of the constraints below which one repeats others.
 REPEATED = 1e-10
 #: Squares that count as zero, in roundings; shift, in roundings, and in parts of the lowest square that is not zero.
 NOISE, SHIFT, SHIFTED = 30.0, 1e3, 0.01
-#: A shift, in roundings, that no stiffness asks for.
-BEYOND = 1e28
-#: Size of a rate beside the shift that is zero.
-STILL = 1e-3
-#: Part of the size of a rate that is rounding: of its imaginary part; and of a real part, beside which nothing grows.
-REAL, GROWING = 1e-9, 1e-6
-#: Default number of modes; eigenvalues found beyond those asked for, so that none of a pair is left out; restarts.
-USUAL, SPARE, RESTARTS = 10, 8, 100
+#: Part of the size of a rate that is rounding of its imaginary part.
+REAL = 1e-9
+#: Part of the size of a rate, with the other sign a damping, beyond which a motion grows.
+GROWING = 1e-6
+#: Eigenvalues found beyond those asked for, so that none of a pair is left out.
+SPARE = 8
 
 
 def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
@@ -53,27 +51,22 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     SolverError
         If they are not found.
     """
-    name = problem.system.scene.name
-    still = DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
-    if not problem.size:
-        raise still
-    damped = problem.damped
-    rows = (2 if damped else 1) * problem.size
-    dense = rows <= (DENSE if problem.symmetric and not damped else DENSE_OTHERS)
-    space = (_Dense if dense else _Sparse)(problem)
-    if space.count < 1:
-        raise still
-    most = (2 if damped else 1) * space.count
+    name, each = problem.system.scene.name, 2 if problem.damped else 1
+    dense = each * problem.size <= DENSE
+    space = (_Dense if dense else _Sparse)(problem) if problem.size else None
+    if space is None or space.count < 1:
+        raise DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
+    most = each * space.count
     if count is not None and count > most:
-        raise _too_many(count, name, space.count, most)
-    wanted = min(count or USUAL, most)
+        raise _too_many(space, count, most)
+    wanted = min(count or 10, most)
     squares, shapes = _squares(space, wanted)
     rates = _rates(squares)
-    if damped:
+    if problem.damped:
         rates, shapes = _damped(space, wanted, squares, shapes)
     order = _order(rates)[:wanted]
-    if count is not None and len(order) < count:
-        raise _too_many(count, name, space.count, len(order)) if dense else _lost(problem, count, len(order))
+    if not len(order) or (count is not None and len(order) < count):
+        raise _too_many(space, wanted, len(order)) if dense else _lost(problem, wanted, len(order))
     return rates[order].astype(complex), space.spread(shapes[:, order].astype(complex))
 
 
@@ -155,13 +148,9 @@ class _Sparse:
     def largest(self, product: Product, size: int, count: int) -> tuple[Any, Any]:
         operator = iterative.LinearOperator((size, size), matvec=product, dtype=float)
         start = product(np.random.default_rng(0).standard_normal(size))
-        values: Any
-        x: Any
         try:
-            values, x = iterative.eigs(operator, min(count, size - 2), v0=start, maxiter=RESTARTS)
+            values, x = iterative.eigs(operator, min(count, size - 2), v0=start, maxiter=100)
         except iterative.ArpackNoConvergence as error:  # what was not found may not be needed
-            if not len(error.eigenvalues):
-                raise _lost(self.problem, count, 0) from error
             values, x = error.eigenvalues, error.eigenvectors
         order = np.argsort(-np.abs(values))
         return values[order], x[:, order]
@@ -169,26 +158,26 @@ class _Sparse:
 
 def _squares(space: _Dense | _Sparse, count: int) -> tuple[Any, Any]:
     """Squares −λ² of K x = −λ² M x and shapes of the lowest ones, ascending; 0 where nothing holds a motion."""
-    squares, shapes = _shifted(space, count, SHIFT * space.problem.rounding)
-    held = squares != 0.0
-    if held.all() or not held.any():
-        return squares, shapes
-    # with a small shift motions without stiffness take digits of others
-    shift = max(SHIFT * space.problem.rounding, SHIFTED * float(np.abs(squares[held]).min()))
-    return _shifted(space, count, shift)
+    shift = SHIFT * space.problem.rounding
+    squares, shapes = _shifted(space, count, shift)
+    held = np.abs(squares[squares != 0.0])
+    if 0 < len(held) < len(squares):  # with a small shift motions without stiffness take digits of others
+        return _shifted(space, count, max(shift, SHIFTED * float(held.min())))
+    return squares, shapes
 
 
 def _shifted(space: _Dense | _Sparse, count: int, shift: float) -> tuple[Any, Any]:
     """The same with a shift, or a larger one with which the stiffness is positive."""
     problem = space.problem
-    while problem.symmetric and problem.negative(shift) > 0:
-        shift *= 4.0
-        if not shift < BEYOND * problem.rounding:
+    if problem.symmetric:
+        shifts = (shift * 4.0**n for n in range(50))
+        found = next((x for x in shifts if problem.negative(x) <= 0), None)
+        if found is None:
             raise SolverError(
                 f"the stiffness of scene {problem.system.scene.name!r} has no digit that can be trusted: no multiple "
                 f"of the mass makes it positive; bodies or springs of more similar stiffness are needed"
             )
-    if problem.symmetric:
+        shift = found
         squares, x = space.symmetric(count, shift)
     else:
         solve = space.solver(problem.K + shift * problem.M, shift)
@@ -218,7 +207,7 @@ def _damped(space: _Dense | _Sparse, count: int, squares: Any, shapes: Any) -> t
     rates = s + 1.0 / inverse
     zeros = np.argsort(np.abs(rates))[: 2 * still.sum()]
     one = rates.imag >= -REAL * np.abs(rates)
-    one[zeros[np.abs(rates[zeros]) < max(np.sqrt(NOISE * problem.rounding), STILL * s)]] = False
+    one[zeros[np.abs(rates[zeros]) < max(np.sqrt(NOISE * problem.rounding), 1e-3 * s)]] = False
     found = np.concatenate([np.zeros(still.sum()), rates[one]])
     return found, np.hstack([shapes[:, still], z[:size, one]])
 
@@ -239,10 +228,15 @@ def _order(rates: Complex) -> NDArray[np.int64]:
     return np.lexsort((np.where(grow, -rates.real, sizes), kind))
 
 
-def _too_many(count: int, name: str, free: int, most: int) -> DiscretisationError:
+def grows(damping: Array) -> NDArray[np.bool_]:
+    """Whether motions of a damping −Re λ/|λ| grow by more than rounding."""
+    return np.asarray(damping < -GROWING)
+
+
+def _too_many(space: _Dense | _Sparse, count: int, most: int) -> DiscretisationError:
     return DiscretisationError(
-        f"count is {count}; scene {name!r} has {free} free motion{'s' * (free > 1)}: at most {most} "
-        f"mode{'s are' if most > 1 else ' is'} allowed"
+        f"count is {count}; scene {space.problem.system.scene.name!r} has {space.count} free motions: at most {most} "
+        f"modes are allowed"
     )
 
 

@@ -20,10 +20,13 @@ from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 
-#: Rate and acceleration of a drive, times the time and its square, that count as none: rad, or of the scene's length.
+#: What counts as none: a rate and an acceleration of a drive, times the time and its square, in rad or of the scene's
+#: length; a difference of two velocities, of their size.
 STILL = 1e-9
-#: Difference of two velocities, of their size, that counts as none.
-SAME = 1e-9
+VARYING = (
+    "so that the coefficients of small motions change with time, and there are no modes; end the motion where its "
+    "drives stand still, or take an equilibrium of solve_static"
+)
 
 
 class Frame(NamedTuple):
@@ -34,8 +37,6 @@ class Frame(NamedTuple):
 
 
 GROUND = Frame(0.0, np.zeros(2))
-VARYING = "so that the coefficients of small motions change with time, and there are no modes"
-HINT = "end the motion where its drives stand still, or take an equilibrium of solve_static"
 
 
 def spun(scene: Scene, spin: float, given: str = "spin is given") -> Frame:
@@ -46,24 +47,20 @@ def spun(scene: Scene, spin: float, given: str = "spin is given") -> Frame:
     DiscretisationError
         If the scene cannot turn steadily.
     """
-    clamps = [joint for joint in scene.joints if isinstance(joint, Clamp)]
     held = [joint for joint in scene.joints if joint.grounded]
     still = [*_guides(scene), *(c for c in scene.connectors if len(c.places) < 2)]
     wrong = ""
     if scene.dim != 2:
         wrong = "is in space; a spin is for the plane"
-    elif len(clamps) != 1 or len(held) != 1:
-        wrong = (
-            f"is held by {len(held)} joints, {len(clamps)} of them clamps; a steady rotation needs one clamp and no "
-            f"other joint to the ground"
-        )
+    elif len(held) != 1 or not isinstance(held[0], Clamp):
+        wrong = f"is held by {len(held)} joints; one clamp and no other joint to the ground is needed"
     elif any(scene.gravity) or scene.loads:
         wrong = "has gravity or loads; no steady state turns with them"
     elif still:
         wrong = f"has {shown(still[0])}, which stands still; all must turn with the clamp"
     if wrong:
         raise DiscretisationError(f"{given}, and scene {scene.name!r} {wrong}")
-    return Frame(spin, np.array(scene.place(clamps[0].end).position))
+    return Frame(spin, np.array(scene.place(held[0].ends[0]).position))
 
 
 def frame_at(scene: Scene, time: float, signals: Sequence[Signal] = ()) -> Frame:
@@ -83,16 +80,14 @@ def frame_at(scene: Scene, time: float, signals: Sequence[Signal] = ()) -> Frame
         If there is none: modes do not exist there.
     """
     found = GROUND
-    drives = {id(drive[1]): (joint, drive[2]) for joint in scene.joints if (drive := drive_of(joint))}
+    joints = {id(drive[1]): joint for joint in scene.joints if (drive := drive_of(joint))}
     for w in {id(w.history): w for w in signals}.values():
-        joint, unit = drives.get(id(w.history), (None, ""))
+        joint = joints.get(id(w.history))
         _, rate, acceleration = (float(x) for x in value_at(w.name, w.history, time, 3))
-        given = f"about ends at t = {time:.6g} s, where {w.name} changes by {rate:.6g} {unit}/s"
-        still = STILL * (scene.length if unit == "m" else 1.0)
+        given = f"about ends at t = {time:.6g} s, where {w.name} changes by {rate:.6g} per second"
+        still = STILL * (scene.length if isinstance(joint, Guide) else 1.0)
         if abs(acceleration) * time**2 > still:
-            raise DiscretisationError(
-                f"{given} and {acceleration:.6g} {unit}/s²: no frame moves steadily there, {VARYING}; {HINT}"
-            )
+            raise DiscretisationError(f"{given}, and its rate by {acceleration:.6g} per second, {VARYING}")
         if abs(rate) * time <= still:
             continue
         if isinstance(joint, Clamp):
@@ -101,7 +96,7 @@ def frame_at(scene: Scene, time: float, signals: Sequence[Signal] = ()) -> Frame
             _check_carried(scene, rate * np.array(joint.direction), time, given)
         else:
             raise DiscretisationError(
-                f"{given}: bodies of scene {scene.name!r} move against each other, {VARYING}; {HINT}"
+                f"{given}: bodies of scene {scene.name!r} move against each other, {VARYING}"
             )
     return found
 
@@ -115,7 +110,7 @@ def _check_carried(scene: Scene, velocity: Array, time: float, given: str) -> No
     ]
     if still:
         raise DiscretisationError(
-            f"{given}, and {shown(still[0])} of scene {scene.name!r} does not move with it, {VARYING}; {HINT}"
+            f"{given}, and {shown(still[0])} of scene {scene.name!r} does not move with it, {VARYING}"
         )
 
 
@@ -123,7 +118,7 @@ def _follows(guide: Guide, velocity: Array, time: float) -> bool:
     """Whether a guide in the ground lets its place have a velocity, and gives it that if it is driven."""
     along, drive = np.array(guide.direction), drive_of(guide)
     rate = float(along @ velocity) if drive is None else float(value_at(drive[0], drive[1], time, 3)[1])
-    return bool(np.linalg.norm(rate * along - velocity) <= SAME * np.linalg.norm(velocity))
+    return bool(np.linalg.norm(rate * along - velocity) <= STILL * np.linalg.norm(velocity))
 
 
 def _guides(scene: Scene) -> list[Guide]:

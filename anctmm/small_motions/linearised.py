@@ -112,7 +112,7 @@ class SmallMotions:
     @property
     def damped(self) -> bool:
         """Whether anything damps, or the frame turns."""
-        return bool(self.spin) or bool(abs(self.D).max() > 0.0)
+        return bool(self.spin) or self.D.count_nonzero() > 0
 
     @property
     def symmetric(self) -> bool:

@@ -19,6 +19,7 @@ from anctmm.model.scene import Probe, Scene
 from anctmm.results.export.pictures import plot_shapes
 from anctmm.results.fields import RigidField, beam_field
 from anctmm.results.solution import Energy, Solution
+from anctmm.small_motions.eigenvalues import grows
 from anctmm.system.body_meshes import MassMesh
 from anctmm.validation import positive, whole
 
@@ -28,12 +29,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: Frames of a period; largest displacement of a picture, of the scene's extent.
-FRAMES, DRAWN = 48, 0.15
-#: Negative damping of a motion that grows, above the rounding of one without damping.
-GROWING = 1e-6
-#: Modes in a picture at most.
-MOST_DRAWN = 12
+#: Frames of a period.
+FRAMES = 48
 
 
 @dataclass(frozen=True)
@@ -124,9 +121,10 @@ class Modes:
             If there is no such mode, or the amplitude is no positive number.
         """
         k = whole("mode", mode, len(self.frequencies), DiscretisationError) - 1
-        size = (
-            self._size() if amplitude is None else positive("amplitude (m)", amplitude, DiscretisationError)
-        )
+        every = np.concatenate([q[:, 0] for q in self.equilibrium.values()])
+        size = 0.15 * (float(np.ptp(every, axis=0).max()) or self.scene.length)
+        if amplitude is not None:
+            size = positive("amplitude (m)", amplitude, DiscretisationError)
         phase = np.exp(2j * np.pi * np.linspace(0.0, 1.0, FRAMES + 1))[:, None, None, None]
         fields = {
             name: self._field(name, self.equilibrium[name] + size * (shape[k] * phase).real)
@@ -152,12 +150,11 @@ class Modes:
             If matplotlib is not installed.
         """
         count = len(self.frequencies)
-        chosen: Any = range(1, min(count, MOST_DRAWN) + 1) if modes is None else modes
-        chosen = [chosen] if isinstance(chosen, int | float) else chosen
-        if isinstance(chosen, str) or not len(chosen):
+        chosen = range(1, min(count, 12) + 1) if modes is None else np.atleast_1d(np.asarray(modes))
+        if not len(chosen):
             raise DiscretisationError(f"modes is {shown(modes)}; numbers from 1 to {count} are needed")
-        titles = [f"{k}: {self._speed(k)}" for k in chosen if self.motion(k)]
-        return plot_shapes([self.motion(k) for k in chosen], titles, self.scene.name)
+        motions = [self.motion(k) for k in chosen]
+        return plot_shapes(motions, [f"{k}: {self._speed(k)}" for k in chosen], self.scene.name)
 
     def animate(self, path: str | PathLike[str], mode: int = 1, fps: float = 25.0) -> Path:
         """Write an animation of a mode: a page with a player (".html") or an animated picture (".gif").
@@ -165,10 +162,6 @@ class Modes:
         Errors are those of `Solution.animate` and `motion`.
         """
         return self.motion(mode).animate(path, fps)
-
-    def _size(self) -> float:
-        every = np.concatenate([q[:, 0] for q in self.equilibrium.values()])
-        return DRAWN * (float(np.ptp(every, axis=0).max()) or self.scene.length or 1.0)
 
     def _speed(self, mode: int) -> str:
         """Frequency of a mode, or its rate where it does not oscillate."""
@@ -180,18 +173,10 @@ class Modes:
     def __repr__(self) -> str:
         """Frequencies, damping and growth rates, a line a mode."""
         columns = zip(self.frequencies, self.damping, self.growth_rates, self.unstable, strict=True)
+        marks = {True: "  unstable (flutter)", False: "  unstable (divergence)"}
         rows = [
-            f"  {k + 1:3d}  {f:14.6g} Hz  {z:10.3g}  {rate:11.4g} 1/s{_instability(f) if unstable else ''}"
+            f"  {k + 1:3d}  {f:14.6g} Hz  {z:10.3g}  {rate:11.4g} 1/s{marks[bool(f > 0.0)] if unstable else ''}"
             for k, (f, z, rate, unstable) in enumerate(columns)
         ]
         head = "  mode       frequency     damping      growth rate"
         return "\n".join([f"Modes of scene {self.scene.name!r}:", head, *rows])
-
-
-def grows(damping: Array) -> NDArray[np.bool_]:
-    """Whether motions of a damping −Re λ/|λ| grow by more than rounding."""
-    return np.asarray(damping < -GROWING)
-
-
-def _instability(frequency: float) -> str:
-    return "  unstable (flutter)" if frequency > 0.0 else "  unstable (divergence)"

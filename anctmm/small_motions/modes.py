@@ -29,9 +29,8 @@ Complex = NDArray[np.complex128]
 
 #: Modes at most.
 MOST = 10_000
-#: Distance from an equilibrium that counts as none, of the scene's length; and part of the square of the largest
-#: frequency found, that is a motion without stiffness.
-AWAY, SLOW = 1e-3, 1e-12
+#: Distance from an equilibrium that counts as none, of the scene's length.
+AWAY = 1e-3
 
 
 def modes(
@@ -78,30 +77,24 @@ def modes(
 
     Notes
     -----
-    About a motion, drives that stand still are held. If a clamp with a constant rate alone holds the scene, the modes
-    are those of a steady rotation; if guides in the ground move at one constant velocity, of a steady translation.
-    Velocities relative to that moving frame are neglected. About motions with other moving drives there are no modes,
-    because the coefficients of the linearised equations change with time.
+    About a motion, drives that stand still are held. Modes are those of a steady rotation if a clamp with a constant
+    rate alone holds the scene, of a steady translation if guides in the ground move at one constant velocity, relative
+    to that frame. About motions with other moving drives there are no modes.
     """
     run = discretise(run, options)
     system = System(checked_scene(scene), run)
     count = None if count is None else whole("count", count, MOST, DiscretisationError)
     spin = number("spin (rad/s)", spin, DiscretisationError)
-    if spin and about is not None:
-        raise DiscretisationError(
-            "spin is given beside about; one of them is allowed: the steady state is found"
-        )
     problem = _problem(system, about, spin)
     rates, vectors = lowest(problem, count)
     flat = np.array([problem.spread(x) for x in vectors.T])
     shapes, size = _normalised(_of_bodies(system.mesh, flat))
     if about is not None and not about.static:
         _check_balance(problem, rates, vectors * size)
+    frequencies = np.abs(rates.imag) / (2.0 * np.pi)
     damping = np.divide(0.0 - rates.real, np.abs(rates), out=np.zeros(len(rates)), where=rates != 0.0)
     equilibrium = {name: q[0] for name, q in _of_bodies(system.mesh, problem.q[None]).items()}
-    return Modes(
-        scene, run, np.abs(rates.imag) / (2.0 * np.pi), damping, rates.real + 0.0, shapes, equilibrium
-    )  # fmt: skip
+    return Modes(scene, run, frequencies, damping, rates.real + 0.0, shapes, equilibrium)
 
 
 def _problem(system: System, about: Any, spin: float) -> SmallMotions:
@@ -110,8 +103,9 @@ def _problem(system: System, about: Any, spin: float) -> SmallMotions:
     if about is None:
         if not spin:
             return SmallMotions(system, start, 0.0, 0.0)
-        frame = spun(scene, spin)
-        return steady_state(SmallMotions(system, start, 0.0, 1.0, frame))
+        return steady_state(SmallMotions(system, start, 0.0, 1.0, spun(scene, spin)))
+    if spin:
+        raise DiscretisationError("spin is given beside about; one of them is allowed")
     about = checked(system, about)
     time = 0.0 if about.static else float(about.t[-1])
     frame = GROUND if about.static else frame_at(scene, time, system.signals)
@@ -146,10 +140,8 @@ def _normalised(shapes: Mapping[str, Complex]) -> tuple[dict[str, Complex], Comp
     every = np.concatenate([u.reshape(len(u), -1, u.shape[-1]) for u in shapes.values()], axis=1)
     factors = []
     for u, others in zip(places, every, strict=True):
-        still = float(np.abs(u).max()) < 1e-9 * float(
-            np.abs(others).max()
-        )  # a body that turns about its centre
-        moved = others if still else u
+        turns_only = np.abs(u).max() < 1e-9 * np.abs(others).max()  # a body about its centre
+        moved = others if turns_only else u
         product = (moved * moved).sum(axis=1)
         square = 0.5 * ((np.abs(moved) ** 2).sum(axis=1) + np.abs(product))
         k = int(square.argmax())
@@ -165,7 +157,7 @@ def _check_balance(problem: SmallMotions, rates: Complex, vectors: Complex) -> N
     scene, squares = problem.system.scene, np.abs(rates) ** 2
     forces = np.abs(vectors.conj().T @ problem.residual())
     masses = (vectors.conj() * (problem.M @ vectors)).sum(axis=0).real
-    known = squares > SLOW * squares.max(initial=0.0)  # what moves without stiffness has no equilibrium
+    known = squares > 1e-12 * squares.max(initial=0.0)  # what moves without stiffness has no equilibrium
     away = float((forces[known] / (masses[known] * squares[known])).max(initial=0.0))
     if away > AWAY * scene.length:
         warn(

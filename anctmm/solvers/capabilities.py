@@ -81,16 +81,20 @@ class Offer:
     slow_with: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "lacks", _lacks(self.lacks))
+        set_ = object.__setattr__
+        set_(self, "lacks", _lacks(self.lacks))
         extras = frozenset(one_of("an Offer's extra", extra, HIGH_ORDER) for extra in self.extras)
-        object.__setattr__(self, "extras", extras - self.lacks)
+        set_(self, "extras", extras - self.lacks)
         slow = frozenset(one_of("a feature an Offer is slow with", part, FEATURES) for part in self.slow_with)
-        object.__setattr__(self, "slow_with", slow)
-        object.__setattr__(self, "order", positive("an Offer's order", self.order, DiscretisationError))
+        set_(self, "slow_with", slow)
+        set_(self, "order", positive("an Offer's order", self.order, DiscretisationError))
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, LIMITS)
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
-        object.__setattr__(self, "choices", _choices(self.choices))
+        if not self.choices or not all(isinstance(choice, Mapping) for choice in self.choices):
+            raise DiscretisationError(
+                f"an Offer's choices are {shown(self.choices)}; one or more sets of keyword arguments are needed"
+            )
         if not set(STEPPING) - self.lacks:
             raise DiscretisationError("an Offer lacks 'zhai' and 'generalized-alpha'; one of them is needed")
 
@@ -132,27 +136,10 @@ def features_of(lack: str) -> tuple[str, ...]:
     return tuple(lack.split(WITH))
 
 
-def _lacks(lacks: object) -> frozenset[str]:
+def _lacks(lacks: Iterable[str]) -> frozenset[str]:
     """Features, each one of `FEATURES`, and combinations, written in one way whatever their order and spaces."""
     name = "a feature an Offer lacks"
-    if isinstance(lacks, str | bytes) or not isinstance(lacks, Iterable):
+    if isinstance(lacks, str):
         raise unknown_option(f"{name}, in a list,", lacks, sorted(FEATURES))
-    return frozenset(
-        WITH.join(sorted({one_of(name, part, FEATURES) for part in _parts(lack)})) for lack in lacks
-    )
-
-
-def _choices(choices: object) -> tuple[Mapping[str, Any], ...]:
-    """At least one set of keyword arguments."""
-    sets: tuple[Any, ...] = ()
-    if isinstance(choices, Iterable) and not isinstance(choices, str | bytes | Mapping):
-        sets = tuple(choices)
-    if not sets or not all(isinstance(c, Mapping) and all(isinstance(k, str) for k in c) for c in sets):
-        raise DiscretisationError(
-            f"an Offer's choices are {shown(choices)}; a list of at least one mapping of keyword arguments is needed"
-        )
-    return sets
-
-
-def _parts(lack: object) -> list[object]:
-    return [part.strip() for part in lack.split("+")] if isinstance(lack, str) else [lack]
+    parts = [[part.strip() for part in lack.split(WITH.strip())] for lack in lacks]
+    return frozenset(WITH.join(sorted({one_of(name, part, FEATURES) for part in some})) for some in parts)

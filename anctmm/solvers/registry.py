@@ -4,7 +4,7 @@ A package that cannot be loaded, or returns an invalid solution, causes an error
 """
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import lru_cache, wraps
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from anctmm.errors import PluginError, UnknownSolverError
-from anctmm.model.places import Key
+from anctmm.errors import PluginError, UnknownSolverError, shown
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
-from anctmm.solvers.foreign_code import contained, told
+from anctmm.solvers.foreign_code import contained
 
 GROUP = "anctmm.solvers"
 #: The package whose names nobody else can take.
@@ -29,15 +28,14 @@ OWN = "anctmm"
 Solver = Callable[..., Solution]
 
 
-def _registered() -> Sequence[EntryPoint]:
-    """Entry points of all solvers."""
-    return _read(entry_points, tuple(sys.path))
+@lru_cache(maxsize=1)
+def _read(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """Entry points of all solvers on a path, stored: reading them takes about 10 ms, and a study asks at each run."""
+    return tuple(entry_points(group=GROUP))
 
 
-@lru_cache(maxsize=4)
-def _read(read: Callable[..., Iterable[EntryPoint]], path: tuple[str, ...]) -> Sequence[EntryPoint]:
-    """The same, stored: a study needs them at each run, and reading them takes about 10 ms."""
-    return tuple(read(group=GROUP))
+def _registered() -> tuple[EntryPoint, ...]:
+    return _read(tuple(sys.path))
 
 
 def names() -> list[str]:
@@ -73,19 +71,14 @@ def load(name: str) -> Solver:
         raise PluginError(
             f"solver {name!r} is registered by {' and '.join(map(_package, found))}; one of them must go"
         )
+    what = f"solver {name!r} of package {_package(entry)} ({entry.value})"
     try:
         with contained():
             loaded = entry.load()
     except Exception as error:  # whatever another's module does when imported
-        raise PluginError(
-            f"solver {name!r} of package {_package(entry)} ({entry.value}) cannot be loaded: "
-            f"{type(error).__name__}: {error}"
-        ) from error
+        raise PluginError(f"{what} cannot be loaded: {type(error).__name__}: {error}") from error
     if not callable(loaded):
-        raise PluginError(
-            f"solver {name!r} of package {_package(entry)} ({entry.value}) is {told(loaded)}; "
-            f"a function (scene, run) is needed"
-        )
+        raise PluginError(f"{what} is {shown(loaded)}; a function (scene, run) is needed")
     return loaded  # type: ignore[no-any-return]
 
 
@@ -120,7 +113,7 @@ def offer_of(solver: Solver) -> Offer:
     found = getattr(module, "OFFER", Offer())
     if not isinstance(found, Offer):
         raise PluginError(
-            f"OFFER of module {module.__name__!r} is {told(found)}; an anctmm.solvers.capabilities.Offer is needed"
+            f"OFFER of module {module.__name__!r} is {shown(found)}; an anctmm.solvers.capabilities.Offer is needed"
         )
     return found
 
@@ -150,7 +143,7 @@ def flaw(scene: Scene, answer: object, *, growing: bool = True) -> str:
     if not isinstance(answer.status, Status):
         return f"the status {answer.status!r}; an anctmm.Status is needed"
     t = np.asarray(answer.t)
-    if t.ndim != 1 or not np.issubdtype(t.dtype, np.number) or not np.isfinite(t).all():
+    if t.ndim != 1 or t.dtype.kind not in "iuf" or not np.isfinite(t).all():
         return f"times of shape {t.shape} and type {t.dtype}; finite numbers (n,) are needed"
     if not len(t):
         return "no times and the status ok; a reason is needed" if answer.status.ok else ""
@@ -159,11 +152,11 @@ def flaw(scene: Scene, answer: object, *, growing: bool = True) -> str:
     for body in scene.bodies:
         if body.name not in answer.fields:
             return f"no field of body {body.name!r}; one for every body is needed"
-        end: Key = 1.0 if isinstance(body, Beam) else CENTER
-        places = np.asarray(answer.fields[body.name].position(end))
-        if places.shape != (len(t), 2):
-            return f"positions of body {body.name!r} of shape {places.shape}; {(len(t), 2)} is needed"
-        if not np.isfinite(places).all():
+        place = 1.0 if isinstance(body, Beam) else CENTER
+        found, needed = np.asarray(answer.fields[body.name].position(place)), (len(t), scene.dim)
+        if found.shape != needed:
+            return f"positions of body {body.name!r} of shape {found.shape}; {needed} is needed"
+        if not np.isfinite(found).all():
             return f"positions of body {body.name!r} that are not finite; a history is kept up to its failure"
     return ""
 

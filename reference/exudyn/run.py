@@ -22,7 +22,7 @@ from anctmm.model.scene import Beam, Clamp, Scene, Torque, checked_scene
 from anctmm.results.solution import Cost
 from anctmm.results.status import Status
 from anctmm.solvers.foreign_code import raise_interruption
-from anctmm.validation import is_pair, one_of, positive
+from anctmm.validation import has_length, one_of, positive
 from reference.adapters import Adapter, Answer
 from reference.exudyn.forces import add_connector, add_load
 from reference.exudyn.joints import add_joint, needs_equations
@@ -96,7 +96,7 @@ class ExudynAdapter(Adapter):
     def __post_init__(self) -> None:
         one_of("newton", self.newton, NEWTON)
         self.counts = {name: count for name, (count, _) in self.run.of(checked_scene(self.scene)).items()}
-        if self.tolerances is not None and not is_pair(self.tolerances):
+        if self.tolerances is not None and not has_length(self.tolerances, (2,)):
             raise DiscretisationError(
                 f"tolerances are {shown(self.tolerances)}; a pair is needed: relative, and absolute (N), greater than 0"
             )

@@ -5,14 +5,14 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, SolverError
+from anctmm.errors import AnctmmError, SolverError, shown
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.ended_early import nothing
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from anctmm.solvers.foreign_code import contained, told
+from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver, static_of
 from studies.engine.timing import settled, undisturbed
 
@@ -110,7 +110,7 @@ class Trial:
                 self.scene, mesh=self.by_body, element=self.element, quadrature=self.quadrature, **dict(self.options)
             )  # fmt: skip
         if not isinstance(solution, Solution):
-            raise SolverError(f"solver {self.solver!r} answered {told(solution)}; a Solution is needed")
+            raise SolverError(f"solver {self.solver!r} answered {shown(solution)}; a Solution is needed")
         return solution
 
     @property

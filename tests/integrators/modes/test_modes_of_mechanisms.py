@@ -65,9 +65,7 @@ def test_a_run_that_has_failed_has_no_modes():
     scene = at.Scene("wound", [wheel], [at.Pin("wheel.center")], [torque], connectors=[spring])
     lost = at.solve(scene, dt=1e-2, t_end=1.0)
     assert lost.status == "diverged"
-    with pytest.raises(
-        DiscretisationError, match=r"about is a run that ended with 'diverged'.*a complete run"
-    ):
+    with pytest.raises(DiscretisationError, match=r"about ended with 'diverged'.*a complete run"):
         at.modes(scene, about=lost)
 
 
@@ -117,7 +115,7 @@ def test_a_hinged_blade_lags_by_its_offset():
 
 def test_about_an_equilibrium_that_was_not_found_there_are_no_modes():
     fallen = at.Scene("fallen", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -G))
-    with pytest.raises(DiscretisationError, match="about ended at 0 of the load"):
+    with pytest.raises(DiscretisationError, match=r"about ended with .diverged"):
         at.modes(fallen, about=at.solve_static(fallen))
 
 

@@ -177,10 +177,7 @@ def test_motions_without_modes_are_refused_by_name(scene, words):
 def test_drives_that_speed_up_are_refused(kind):
     make, turns = KINDS[kind]
     scene = at.Scene("fast", *make(at.Quintic(turn=TURN if turns else MOVE, duration=REST), 0.0, 0.0))
-    unit = "rad/s²" if turns else "m/s²"
-    with pytest.raises(
-        DiscretisationError, match=rf"{unit}: no frame moves steadily there.*no modes; end the motion"
-    ):
+    with pytest.raises(DiscretisationError, match=r"per second, so that.*no modes; end the motion"):
         at.modes(scene, mesh=2, about=at_the_end(scene, 0.8))
 
 

@@ -28,7 +28,6 @@ WRONG = {
     "no Python": ("1 +", "SyntaxError"),
     "it raises": ("raise RuntimeError('mine')", "RuntimeError: mine"),
     "it exits": ("import sys\nsys.exit(0)", "sys.exit(0)"),
-    "it exits for good": ("import os\nos._exit(0)", "os._exit(0)"),
     "it imports what is not there": ("import nonsense_of_nobody", "nonsense_of_nobody"),
     "its scene is wrong": (HEAD + "at.Circle(-1.0)", "-1.0"),
     "its probe is wrong": (HEAD + "CASES = [at.Case(case('a').scene, ['c.end'], 1.0)]", "'c'"),
