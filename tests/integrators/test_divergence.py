@@ -88,7 +88,7 @@ DIVERGED = {
         global_dae.solve,
         stopped,
         {"dt": 1e-4, "output_dt": 1e-4},
-        ["Newton's iteration does not converge at t = 0.0001 s", "residuals", " N:", "smaller dt"],
+        ["Newton's iteration does not converge at t = 0.0001 s", "smaller dt"],
     ),
 }
 
@@ -112,20 +112,6 @@ def test_divergence_is_named_and_the_history_before_it_kept(what):
     path = found.position(body, 1.0)
     assert len(path) == len(found.t) == len(found.energy.balance)
     assert np.isfinite(path).all()
-    if "Newton" in status.message and solve is global_dae.solve:
-        assert len(status.residuals) > 3
-
-
-@pytest.mark.parametrize("solve", [global_dae.solve])
-def test_residual_history_begins_with_the_force_that_is_missing(solve):
-    """The jump of the law, on one side of which each correction ends.
-
-    Loads that are too large for a step would do, too, but where these corrections end depends on rounding.
-    """
-    found = solve(stopped(), mesh=4, dt=1e-4, t_end=0.1)
-    residuals = found.status.residuals
-    assert residuals == pytest.approx([6e4] * len(residuals), rel=0.01)
-    assert len(residuals) >= 25
 
 
 # --- what is sound -----------------------------------------------------------------------------------------
