@@ -84,8 +84,3 @@ def test_the_advised_output_interval_is_accepted(monkeypatch):
         check_memory(scene, Discretisation(mesh=8, dt=1e-7), each)
     interval = float(str(caught.value).partition("output_dt of ")[2].partition(" s")[0])
     check_memory(scene, Discretisation(mesh=8, dt=1e-7, output_dt=interval), each)
-
-
-def test_where_what_is_free_is_not_known_nothing_is_refused(monkeypatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: None)
-    check_memory(bar(), Discretisation(mesh=10**9), BYTES["generalized-alpha"])

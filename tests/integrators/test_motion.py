@@ -143,18 +143,16 @@ def test_two_driven_hubs(integrator):
     assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("integrator", "factor"), [("zhai", 1), ("generalized-alpha", 20)])
-def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor, kind):
+def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor):
     """Work of a clamp, a torque and a force of time; ρ∞ = 1 takes nothing."""
     loads = [Torque("b1.end", Pulse(0.2, 0.1)), Force("b0.end", lambda t: (5.0 * t, 0.0))]
     row = row_scene("free", [("pin", 0.4)], "free", loads=loads, gravity=GRAVITY)
     scene = replace(row, joints=[*row.joints, Clamp("b0.start", Quintic(1.0, 0.2))])
-    h = 4e-5 if kind == "cable" else 8e-6
     sizes = []
-    for dt in (factor * h, factor * h / 2):
+    for dt in (factor * 4e-5, factor * 2e-5):
         options = {"dt": dt, "output_dt": 0.008, "spectral_radius": 1.0}
-        motion = move(scene, integrator, kind, t_end=0.08, **options)
+        motion = move(scene, integrator, t_end=0.08, **options)
         sizes.append(np.abs(motion.energy.balance).max() / motion.energy.kinetic.max())
     assert sizes[0] / sizes[1] == pytest.approx(4.0, rel=0.15)
     assert sizes[1] < 1e-3

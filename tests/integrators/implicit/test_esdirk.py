@@ -11,7 +11,6 @@ from samples import SOFT, SQUARE, acted_on, bar, linkage
 
 import anctmm as at
 from anctmm.discretise.methods import stages
-from reference.exact.andrews import PUBLISHED, andrews_squeezer, angles_of
 
 ROD, WEAK = at.Rectangle(0.04, 0.04), at.Material(E=2e4, density=1100.0)
 GRAVITY = (0.0, -9.81)
@@ -177,18 +176,6 @@ def test_a_floating_pair_keeps_its_momenta():
     total = sum(body.mass * found.velocity(f"{body.name}.center") for body in (one, two))
     assert np.abs(total - total[0]).max() < 1e-12
     assert np.abs(found.energy.balance).max() < 1e-6 * found.energy.kinetic.max()
-
-
-@pytest.mark.slow
-def test_andrews_squeezer_comes_to_its_published_angles():
-    scene, errors = andrews_squeezer(), []
-    for steps in (240, 480, 960):
-        found = at.solve(scene, integrator="esdirk", dt=0.03 / steps, t_end=0.03, newton_tolerance=1e-15)
-        angles = angles_of({body.name: found.angle(f"{body.name}.center") for body in scene.bodies})
-        errors.append(max(abs(float(angles[name][-1]) - value) for name, value in PUBLISHED.items()))
-    assert errors[-1] < 1e-7
-    assert all(two < one for one, two in pairwise(errors))
-    assert errors[0] / errors[-1] > 4.0**2
 
 
 def test_a_stage_that_is_not_found_says_when():
