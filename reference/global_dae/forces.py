@@ -2,7 +2,7 @@
 
 A connector measures a length or an angle s; with the tension N(s, s', t) its force is −N ∇s. Under a part f of the
 load (statics) it pulls by N(s) − (1 − f) N(placed): the reference is an equilibrium at f = 0. The energy stored at f is
-the integral of that force over the elongation s − free from the free length on. All other loads act by f times theirs.
+the integral of that force from the free length placed + f (free − placed) on. All other loads act by f times theirs.
 """
 
 from collections.abc import Sequence
@@ -148,7 +148,9 @@ class ConnectorForce(ForceElement):
         """Energy stored, J: the integral of the force at a part of the load over the elongation."""
         s = self.measure(x)[0]
         pull = self._pull(s, 0.0, t)
-        return pull.energy - (1.0 - factor) * self.unloaded * (s - pull.free)
+        free = self.placed + factor * (pull.free - self.placed)
+        at_free = self._pull(free, 0.0, t)
+        return pull.energy - at_free.energy - (1.0 - factor) * self.unloaded * (s - free)
 
     def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
         """That of the free length and of what stores nothing; damping changes its sign with the rate."""

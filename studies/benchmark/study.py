@@ -13,7 +13,7 @@ from anctmm.model.needs import needs
 from anctmm.solvers import registry
 from studies.benchmark.scenes import DENSE, EXUDYN, LONG, SPARSE, Item, items, sampled
 from studies.engine.study import Result
-from studies.engine.tables import Table, cell, rich_table, say, show_table
+from studies.engine.tables import Table, say, show_frame
 from studies.engine.timing import in_turn
 
 #: Measured rounds, by whether the run is quick.
@@ -164,7 +164,4 @@ def glance(result: Result, console: Console) -> None:
 
 def show(frame: pd.DataFrame, title: str, console: Console) -> None:
     """Print the rows of `measured`."""
-    table = rich_table(title, {head: name not in ("contest", "solver") for name, head in SHOWN.items()})
-    for row in frame.reindex(columns=list(SHOWN)).itertuples(index=False):
-        table.add_row(*map(cell, row))
-    show_table(console, table)
+    show_frame(console, title, frame.reindex(columns=list(SHOWN)).rename(columns=SHOWN))

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import pandas as pd
 from rich.console import Console
-from rich.markup import escape
 
 from anctmm.errors import PluginError
 from anctmm.results.status import Status
@@ -13,13 +13,13 @@ from anctmm.solvers import registry
 from studies.conformance.rules import RULES, SIGNATURE, Rule
 from studies.conformance.scenes import cantilever
 from studies.conformance.subject import BrokenRule, Subject
-from studies.engine.tables import rich_table, say, show_table
+from studies.engine.tables import say, show_frame
 
 LOADS = Rule("loads", "it can be imported")
 INSTALLED = Rule("installed", "the packages it needs are installed")
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
-STYLES = {HOLDS: "green", BROKEN: "bold red", NOT_OFFERED: "dim", NOT_RUN: "yellow", NOT_INSTALLED: "yellow"}
+VERDICTS = (HOLDS, BROKEN, NOT_OFFERED, NOT_RUN, NOT_INSTALLED)
 
 
 @dataclass(frozen=True)
@@ -97,12 +97,8 @@ def exit_code(findings: Sequence[Finding]) -> int:
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:
     """Print the table and the count of each verdict."""
-    table = rich_table(
-        f"Solver {name}", dict.fromkeys(("rule", "asks", "measured", "allowed", "verdict"), False)
-    )
-    for f in findings:
-        texts = map(escape, (f.rule, f.asks, f.measured, f.allowed))
-        table.add_row(*texts, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
-    show_table(console, table)
+    columns = ["rule", "asks", "measured", "allowed", "verdict"]
+    lines = [[getattr(f, column) for column in columns] for f in findings]
+    show_frame(console, f"Solver {name}", pd.DataFrame(lines, columns=columns))
     counts = Counter(f.verdict for f in findings)
-    say(console, ", ".join(f"{counts[verdict]} {verdict}" for verdict in STYLES if counts[verdict]))
+    say(console, ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]))

@@ -35,7 +35,7 @@ def file_name(text: str) -> str:
     return re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
 
 
-def check_writable(directory: Path) -> None:
+def check_writable(directory: Path, option: str = "--out") -> None:
     """Make a directory for results, and refuse one that cannot be written before any work.
 
     Raises
@@ -47,7 +47,7 @@ def check_writable(directory: Path) -> None:
         tempfile.TemporaryFile(dir=directory).close()
     except OSError as error:
         raise OutputError(
-            f"--out is {str(directory)!r}, which cannot be written ({error.strerror or error}); a directory that "
+            f"{option} is {str(directory)!r}, which cannot be written ({error.strerror or error}); a directory that "
             f"can be written is needed"
         ) from error
 

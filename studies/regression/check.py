@@ -14,10 +14,9 @@ from time import perf_counter
 import joblib
 import numpy as np
 
-from anctmm.errors import OutputError
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from studies.engine.files import why_not_writable
+from studies.engine.files import check_writable
 from studies.regression.history import (
     UNITS,
     Baseline,
@@ -275,11 +274,7 @@ def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[t
     OutputError
         At once, if the directory cannot be written.
     """
-    if reason := why_not_writable(baselines):
-        raise OutputError(
-            f"--baselines is {str(baselines)!r}, which cannot be written ({reason}); "
-            f"a directory that can be written is needed"
-        )
+    check_writable(baselines, "--baselines")
     return ((_renewed(task, baselines, file),) for task in tasks)
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from studies.engine.files import atomic_write
-from studies.engine.tables import Table, rich_table, say, show_table, write_table
+from studies.engine.tables import Table, say, show_frame, write_table
 from studies.regression.check import DIFFERS, FAILED, NOT_RUN, Finding
 from studies.report.plots import picture, write_picture
 
@@ -38,16 +38,16 @@ def frame_of(findings: Sequence[Finding]) -> pd.DataFrame:
 
 def show(findings: Sequence[Finding], console: Console) -> None:
     """Print the table, the reasons of all that is not simply the same, and the count of each verdict."""
-    table = rich_table(
-        "", {"run": False, "difference": True, "tolerance": True, "where": False, "verdict": False}
-    )
+    lines = []
     for f in findings:
         numbers = ["", "", ""]
         if w := f.worst:
             where = f"{w.column.removesuffix(f' ({w.unit})')}, {w.time:.4g}"
             numbers = [f"{w.difference:.1e} {w.unit}", f"{w.tolerance:.1e} {w.unit}", where]
-        table.add_row(f.title, *numbers, f.verdict, style=_style(f))
-    show_table(console, table)
+        lines.append((f.title, *numbers, f.verdict))
+    show_frame(
+        console, "", pd.DataFrame(lines, columns=["run", "difference", "tolerance", "where", "verdict"])
+    )
     for f in findings:
         if f.reason:
             say(console, f"{f.title}: {f.reason}", _style(f))
