@@ -28,6 +28,14 @@ Parts = tuple[Array, Array, Array]
 STEP = 1e-6
 
 
+class Effort(NamedTuple):
+    """Forces, and the values that they work along with the rates of these."""
+
+    forces: Array
+    values: Array
+    rates: Array
+
+
 class ForceElement:
     """What acts on vectors: their values are x, (k, 2), and the rates y."""
 
@@ -37,9 +45,9 @@ class ForceElement:
         """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
         raise NotImplementedError
 
-    def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
-        """Power of what has no potential, and the part of damping in it, W."""
-        return float(self.evaluate(x, y, t)[0] @ y.ravel()), 0.0
+    def effort(self, x: Array, y: Array, t: float) -> tuple[Effort, Effort]:
+        """What does work and has no potential, and the part of damping in it."""
+        return Effort(self.evaluate(x, y, t)[0], x.ravel(), y.ravel()), Effort(*np.zeros((3, 0)))
 
     def accept(self, x: Array) -> None:
         """Accept a state: whole turns are counted from here."""
@@ -150,14 +158,16 @@ class ConnectorForce(ForceElement):
         pull = self._pull(s, 0.0, t)
         return pull.energy - (1.0 - factor) * self.unloaded * (s - pull.free)
 
-    def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
-        """That of the free length and of what stores nothing; damping changes its sign with the rate."""
+    def effort(self, x: Array, y: Array, t: float) -> tuple[Effort, Effort]:
+        """The free length and what stores nothing do work; damping changes its sign with the rate."""
         s, gradient, _ = self.measure(x)
         rate = float(gradient @ y.ravel())
         pull = self._pull(s, rate, t)
         back = self._pull(s, 2.0 * pull.free_rate - rate, t)
-        damping = 0.5 * (back.lost - pull.lost) * (rate - pull.free_rate)
-        return -pull.lost * rate - pull.stored * pull.free_rate, damping
+        forces = [-pull.lost, -pull.stored]
+        work = np.array([forces, [s, pull.free], [rate, pull.free_rate]])
+        damping = 0.5 * (back.lost - pull.lost), s - pull.free, rate - pull.free_rate
+        return Effort(*work), Effort(*np.array(damping)[:, None])
 
     def accept(self, x: Array) -> None:
         self.measure.accept(x)

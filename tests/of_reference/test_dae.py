@@ -207,8 +207,7 @@ def test_the_four_bar_moves_as_by_anc_tmm(base, element, options):
     assert error(ours, theirs, FOUR_BAR_PROBES) < 2e-9
     scale = np.abs(ours.energy.kinetic).max()
     for name, series in vars(ours.energy).items():
-        level = 1e-4 if name == "work" else 1e-6
-        assert np.abs(series - getattr(theirs.energy, name)).max() < level * scale
+        assert np.abs(series - getattr(theirs.energy, name)).max() < 1e-5 * scale
 
 
 def compared(seed, integrator):
