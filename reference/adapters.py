@@ -30,17 +30,10 @@ KEPT = 24.0
 
 @dataclass
 class Answer:
-    """What another code has left; its energies are not read.
+    """What another code has left: times (s) or load factors, (n,), and fields; its energies are not read.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times, s, or load factors.
-    fields : mapping of body name to Field
-    cost : Cost
-        Of the steps: clocks run from the first step to the last, without building the model and reading results.
-    status : Status
-    dofs : int
+    The cost is that of the steps: clocks run from the first step to the last, without building the model and reading
+    results.
     """
 
     t: Array
@@ -54,14 +47,7 @@ class Answer:
 class Adapter:
     """A scene as another code has it; an adapter says `check`, `build`, `march` and the class variables.
 
-    Parameters
-    ----------
-    scene : Scene
-    run : Discretisation
-    static : bool
-        Whether equilibria are asked for, under loads and drives as they are at t = 0.
-    load_steps : int
-        Of statics.
+    `static`: whether equilibria are asked for, under loads and drives as they are at t = 0.
     """
 
     scene: Scene

@@ -61,14 +61,7 @@ class Row(NamedTuple):
 
 
 class Constraints:
-    """All constraints of a scene, evaluated together; p may be that of several times, (…, count, 3).
-
-    Parameters
-    ----------
-    rows : sequence of Row
-    size : int
-        Number of coordinates.
-    """
+    """All constraints on `size` coordinates, evaluated together; p may be that of several times, (…, count, 3)."""
 
     def __init__(self, rows: Sequence[Row], size: int) -> None:
         self.rows, self.size, self.count = rows, size, len(rows)

@@ -57,14 +57,7 @@ def _gram(J: sparse.csr_array) -> Any:
 
 
 class Rival:
-    """One scene, prepared.
-
-    Parameters
-    ----------
-    system : System
-    dense : bool
-        Whether matrices are dense, and factored at each step.
-    """
+    """One scene, prepared; `dense`: whether matrices are dense, and factored at each step."""
 
     def __init__(self, system: System, dense: bool) -> None:
         self.system, self.run = system, system.run

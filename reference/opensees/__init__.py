@@ -36,8 +36,6 @@ from reference.opensees.process import PACKAGES, Analysis, analyse
 
 Array = NDArray[np.float64]
 
-#: Solvers of linear equations: those that were found to work; SparseSYM was seen to give wrong corrections.
-SYSTEMS = ("ProfileSPD", "BandGeneral", "BandSPD", "UmfPack", "SuperLU")
 ALGORITHMS = ("Newton", "ModifiedNewton", "KrylovNewton", "BFGS", "NewtonLineSearch")
 #: What was the cheapest somewhere, over mesh, step and tolerance, on the falling cantilever: the nonlinear beam, BFGS
 #: and KrylovNewton never were.
@@ -68,27 +66,19 @@ def solve(
     *,
     beam: str = "elastic",
     algorithm: str = "Newton",
-    system: str = "ProfileSPD",
     **options: Any,
 ) -> Solution:
-    """Motion of a scene by OpenSees.
+    """Motion of a scene by OpenSees, "unsupported" where it cannot do the scene, "failed" where it gives up.
 
     Parameters
     ----------
-    scene : Scene
-    run : Discretisation, optional
-        Or its fields as keywords. "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm
+    scene, run
+        "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm
         of a correction, of displacements and rotations. `element` and `quadrature` are not used.
-    beam, algorithm, system : str
-        Of `BEAMS`, `ALGORITHMS` and `SYSTEMS`.
-
-    Returns
-    -------
-    Solution
-        With status "unsupported" where OpenSees is missing or cannot do the scene, "failed" where it gives up, or its
-        process ends.
+    beam, algorithm : str
+        Of `BEAMS` and `ALGORITHMS`.
     """
-    return Frames(scene, discretise(run, options), beam=beam, algorithm=algorithm, system=system).solution()
+    return Frames(scene, discretise(run, options), beam=beam, algorithm=algorithm).solution()
 
 
 def solve_static(
@@ -98,7 +88,6 @@ def solve_static(
     load_steps: int = 10,
     beam: str = "nonlinear",
     algorithm: str = "Newton",
-    system: str = "BandGeneral",
     **options: Any,
 ) -> Solution:
     """Equilibrium of a scene by OpenSees, loads and drives as they are at t = 0; `t` are load factors.
@@ -107,7 +96,7 @@ def solve_static(
     eight elements.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm, system=system).solution()
+    return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm).solution()
 
 
 @dataclass
@@ -116,7 +105,6 @@ class Frames(Adapter):
 
     beam: str = "elastic"
     algorithm: str = "Newton"
-    system: str = "ProfileSPD"
 
     name: ClassVar[str] = "opensees"
     title: ClassVar[str] = "a model in OpenSees"
@@ -128,7 +116,6 @@ class Frames(Adapter):
         self.began = process_time()
         one_of("beam", self.beam, BEAMS)
         one_of("algorithm", self.algorithm, ALGORITHMS)
-        one_of("system", self.system, SYSTEMS)
 
     def check(self) -> None:
         """Refuse damping, and clamps that turn too far."""
@@ -148,7 +135,7 @@ class Frames(Adapter):
     def march(self, model: Frame) -> Answer:
         """Analyse in a process of its own."""
         steps = self.load_steps if self.static else self.run.steps
-        analysis = analyse(model.job(self.system, self.algorithm, steps))
+        analysis = analyse(model.job(self.algorithm, steps))
         t = analysis.t
         if not self.static:
             t = self.run.times(self.run.output_steps)[: len(t)]

@@ -77,14 +77,7 @@ class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
 class Rod:
     """One body as a Cosserat rod, with PyElastica's own (`rod`) inside.
 
-    Parameters
-    ----------
-    scene : Scene
-    body : Beam
-    elements : int
-    shear_factor : float
-    relaxed : bool
-        Whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
+    `relaxed`: whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
     """
 
     scene: Scene

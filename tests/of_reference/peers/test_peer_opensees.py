@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.errors import ResultError
 from reference import opensees
 from reference.exact import solve_static
 from reference.opensees import process
@@ -229,15 +228,3 @@ def test_a_process_that_ends_is_a_row_with_what_was_computed(tmp_path, monkeypat
     assert "the process of OpenSees was ended" in found.status.message
     assert reason in found.status.message
     assert len(found.t) == 11
-
-
-@needed
-def test_forces_are_refused():
-    """Those of our elements between its nodes were wrong by twice the weight on coarse meshes, with status ok."""
-    scene = frame()
-    found = opensees.solve_static(scene, mesh=4)
-    assert found.status.ok
-    for ask in (lambda: found.reaction(scene.joints[0]), lambda: found.section_force("left", 0.5)):
-        with pytest.raises(ResultError, match="not known by solver 'opensees'"):
-            ask()
-    assert found.angle("arm.end").shape == found.t.shape
