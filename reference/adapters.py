@@ -30,7 +30,7 @@ KEPT = 24.0
 
 @dataclass
 class Answer:
-    """What another code has left: times (s) or load factors, (n,), and fields; its energies are not read.
+    """What another code has left: times (s) or load factors, (n,), fields, and, where explicit steps need it, energies.
 
     The cost is that of the steps: clocks run from the first step to the last, without building the model and reading
     results.
@@ -41,6 +41,7 @@ class Answer:
     cost: Cost
     status: Status
     dofs: int
+    energy: Energy | None = None
 
 
 @dataclass
@@ -103,11 +104,12 @@ class Adapter:
         except UnsupportedError as why:
             return nothing(self.name, scene, run, Status("unsupported", str(why)))
         found = self.march(model)
+        energy = found.energy or Energy.unknown(len(found.t))
         solved = Solution(
-            self.name, scene, run, found.t, found.fields, Energy.unknown(len(found.t)), found.cost, found.status,
-            found.dofs, static=self.static,
+            self.name, scene, run, found.t, found.fields, energy, found.cost, found.status, found.dofs,
+            static=self.static,
         )  # fmt: skip
-        return checked(solved, static=self.static, energies=False)
+        return checked(solved, static=self.static, energies=found.energy is not None)
 
     def _refuse(self) -> None:
         if not self.static and self.mode not in INTEGRATORS:

@@ -11,7 +11,7 @@ Steps begin with accelerations of zero unless these are given, which makes all s
 consistent mass keep it in their first direction, an error of second order in the elements' length.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any, ClassVar
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.elements.kinds import optional_beside
-from anctmm.errors import UnsupportedError, shown
+from anctmm.errors import UnsupportedError
 from anctmm.model.drives import tabulate
 from anctmm.model.needs import MECHANISMS
-from anctmm.model.scene import Beam, Clamp, Scene
+from anctmm.model.scene import Beam, Scene
 from anctmm.results.fields import InterpolatedField
 from anctmm.results.solution import Cost, Solution
 from anctmm.results.status import Status
@@ -92,8 +92,7 @@ def solve_static(
 ) -> Solution:
     """Equilibrium of a scene by OpenSees, loads and drives as they are at t = 0; `t` are load factors.
 
-    Steps of the load that fail are halved. The nonlinear beam has the smaller error by two powers of ten on a mesh of
-    eight elements.
+    Steps that fail are halved. The nonlinear beam has the smaller error, by two powers of ten with eight elements.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm).solution()
@@ -118,19 +117,22 @@ class Frames(Adapter):
         one_of("algorithm", self.algorithm, ALGORITHMS)
 
     def check(self) -> None:
-        """Refuse damping, and clamps that turn too far."""
+        """Refuse damping."""
         undamped(self.scene, "OpenSees damps whole models by stiffness matrices that turn nothing")
-        for clamp, angles in () if self.static else self._driven():
-            far = np.flatnonzero(np.abs(angles) > np.pi + ROUNDING)
-            if far.size:
-                time = float(self.run.times(far[:1])[0])
-                raise UnsupportedError(
-                    f"{shown(clamp)} has turned by more than half a turn at t = {time:.6g} s; {HALF_TURN}"
-                )
 
     def build(self) -> Frame:
-        """Nodes and elements."""
-        return Frame(self.scene, self.run, self.beam, self.static)
+        """Nodes and elements; clamps that turn too far are refused."""
+        frame, t = (
+            Frame(self.scene, self.run, self.beam, self.static),
+            self.run.times(np.arange(self.run.steps + 1)),
+        )
+        for _, name, drive in frame.driven:
+            far = np.flatnonzero(np.abs(tabulate(name, drive, t, 3)[:, 0]) > np.pi + ROUNDING)
+            if far.size:
+                raise UnsupportedError(
+                    f"{name} is more than half a turn at t = {t[far[0]]:.6g} s; {HALF_TURN}"
+                )
+        return frame
 
     def march(self, model: Frame) -> Answer:
         """Analyse in a process of its own."""
@@ -157,13 +159,6 @@ class Frames(Adapter):
         spent = process_time() - self.began + analysis.whole - analysis.cpu
         cost = Cost(analysis.cpu, analysis.wall, analysis.steps, build_s=spent, compile_s=0.0)
         return Answer(t[:kept], fields, cost, status, model.dofs)
-
-    def _driven(self) -> Iterator[tuple[Clamp, Array]]:
-        """Driven clamps with their angles at the steps, rad."""
-        for joint in self.scene.joints:
-            if isinstance(joint, Clamp) and joint.angle is not None:
-                t = self.run.times(np.arange(self.run.steps + 1))
-                yield joint, tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 0]
 
     def _too_far(self, frame: Frame, turns: Array, time: float) -> Status:
         """Of a run in which a chord has turned too far."""

@@ -22,7 +22,7 @@ from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Clamp, Scene, Weld
 from anctmm.results.accounting import accounted
 from anctmm.results.fields import LagrangeField
-from anctmm.results.solution import Cost, Solution
+from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
@@ -109,6 +109,7 @@ class Rods(Adapter):
     shear_factor: float = 1.0
     positions: dict[str, list[Array]] = field(default_factory=dict)
     velocities: dict[str, list[Array]] = field(default_factory=dict)
+    energies: list[tuple[float, ...]] = field(default_factory=list)
 
     name: ClassVar[str] = "pyelastica"
     title: ClassVar[str] = "a model in PyElastica"
@@ -194,7 +195,10 @@ class Rods(Adapter):
             for name, kept in self.positions.items()
         }
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
-        return Answer(t, fields, cost, status, dofs)
+        T, U, V = np.array(self.energies[:n]).reshape(n, 3).T
+        moments = any(moment for rod in self.rods.values() for moment, _ in rod.moments.values())
+        energy = None if self.static or moments else Energy(T, U, V - V[:1], np.zeros(n))
+        return Answer(t, fields, cost, status, dofs, energy)
 
     def _motion(self) -> tuple[Array, int, Status]:
         """Times, steps and status of steps to the end, or until the motion has diverged."""
@@ -268,6 +272,8 @@ class Rods(Adapter):
         for name, rod in self.rods.items():
             self.positions[name].append(rod.rod.position_collection[:2].T.copy())
             self.velocities[name].append(rod.rod.velocity_collection[:2].T.copy())
+        with np.errstate(all="ignore"):
+            self.energies.append(tuple(np.sum([rod.energies() for rod in self.rods.values()], axis=0)))
 
     def _stretch(self) -> float:
         """Largest length of an element, of its undeformed one; NaN where a place is not finite."""
