@@ -5,7 +5,6 @@ load (statics) it pulls by N(s) − (1 − f) N(placed): the reference is an equ
 the integral of that force over the elongation s − free from the free length on. All other loads act by f times theirs.
 """
 
-from collections.abc import Sequence
 from math import pi
 from typing import NamedTuple
 
@@ -39,7 +38,7 @@ class Effort(NamedTuple):
 class ForceElement:
     """What acts on vectors: their values are x, (k, 2), and the rates y."""
 
-    vectors: Sequence[Vector]
+    vectors: list[Vector]
 
     def evaluate(self, x: Array, y: Array, t: float, factor: float = 1.0) -> Parts:
         """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
@@ -207,12 +206,11 @@ class LoadForce(ForceElement):
                 self.vectors = [layout.mean(name)]
             case Force(end=end) | Torque(end=end):
                 place = layout.scene.place(end)
-                where, direction = layout.position(place), layout.direction(place)
-                self.vectors = (
-                    [direction] if self.torque else [where, direction] if self.follower else [where]
-                )
-                start = direction(layout.reference)
-                self.start = start / np.hypot(*start)
+                self.vectors = [] if self.torque else [layout.position(place)]
+                if self.torque or self.follower:
+                    self.vectors.append(layout.direction(place))
+                    start = self.vectors[-1](layout.reference)
+                    self.start = start / np.hypot(*start)
             case _:
                 raise unknown_kind("load", load, LOADS)
 
