@@ -93,9 +93,8 @@ def _wrong(solution: Solution, run: Discretisation) -> Iterator[tuple[str, Mask]
     if not run.explicit or not damped:
         settles = vibrates and (damped or not _keeps_energy(run))
         inaccurate |= -balance > INACCURATE * present + (SETTLED * most(exchanged) if settles else 0.0)
-    inaccurate[:-1] &= inaccurate[
-        1:
-    ]  # what is gone at the next output was a start that the step does not resolve
+    # what is gone at the next output was a start that the step does not resolve
+    inaccurate[:-1] &= inaccurate[1:]
     yield "inaccurate", inaccurate & significant
 
 
