@@ -75,19 +75,6 @@ def test_the_last_output_is_at_the_end_though_intervals_do_not_fill_the_run(inte
     np.testing.assert_allclose(found.velocity("m.center")[~pushed, 1], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("t_end", "output_dt", "steps", "last"),
-    [(1.0, 0.3, 4, 0.1), (1.0, 5.0, 1, 1.0), (1.0, 0.1 + 1e-10, 10, 0.1), (1.0, 0.1 - 1e-10, 10, 0.1)],
-)
-def test_intervals_of_outputs_with_a_tolerance(t_end, output_dt, steps, last):
-    """A rest that is rounding is none."""
-    run = Discretisation(mesh=1, tolerance=1e-2, t_end=t_end, output_dt=output_dt)
-    times = run.times(run.output_steps)
-    assert len(times) == steps + 1
-    assert (times[0], times[-1]) == (0.0, t_end)
-    assert times[-1] - times[-2] == pytest.approx(last, rel=1e-6)
-
-
 def test_a_motion_that_blows_up_is_named_and_its_history_kept():
     base = scenes.cantilever_fall()
     jump = [at.Force("beam.end", lambda t: (0.0, -1e9 if t > 0.1 else 0.0))]

@@ -21,10 +21,6 @@ def link(name, center, *ends):
     return at.RigidBody(name, mass=1.0, inertia=0.02, center=center, points=points)
 
 
-def falling():
-    return bar([at.Clamp("bar.start")], gravity=GRAVITY)
-
-
 def triangle():
     """A welded triangle that swings: a loop that does not pass through the ground."""
     corners = {
@@ -87,7 +83,6 @@ SCENES = {
     "carried": (carried_plate, "cable", ("plate.center", "beam.end"), 2e-3, 0.2),
     "triangle": (triangle, "cable", ("one.end", "two.end"), 5e-4, 0.03),
     "linkage": (partial(linkage, 0.4), "quintic", ("crank.end", "last.start"), 2.5e-4, 0.03),
-    "shear": (falling, "shear", ("bar.end",), 2.5e-4, 0.03),
 }
 
 
