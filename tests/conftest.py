@@ -23,7 +23,7 @@ SLOW = {
     "engine": ["processes", "refinement"],
     "golden": ["golden"],
     "implicit": ["esdirk"],
-    "integrators": ["graph_properties", "memory", "motion", "properties"],
+    "integrators": ["memory", "motion", "properties"],
     "model": ["typing"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["agreement", "dae", "exact_mechanisms", "junctions", "motor_law",
