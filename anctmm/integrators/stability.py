@@ -71,6 +71,8 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
         columns = np.stack([divided(column) for column in K.toarray()], axis=1)
         return sqrt(max(0.0, float(np.real(np.linalg.eigvals(columns)).max())))
     start = np.random.default_rng(0).standard_normal(n)
+    if not np.any(K @ start):  # as without damping
+        return 0.0
     inverse = LinearOperator((n, n), matvec=divided, dtype=float)
     try:
         value = eigsh(K, 1, M, Minv=inverse, which="LM", v0=start, tol=ACCURACY, return_eigenvectors=False)[0]

@@ -174,3 +174,12 @@ def test_a_body_that_turns_too_far_in_a_step_is_told_so():
     found = at.solve(at.Scene("top", [spinning]), integrator="zhai", dt=0.02, t_end=1.0)
     assert not found.status.ok
     assert "smaller" in found.status.message
+
+
+def test_a_driven_spring_without_damping():
+    """Its rate acts where a spring has damping, and here it has none: no frequency of damping bounds the step."""
+    spring = at.Spring(
+        "bar.end", (1.0, 1.0), stiffness=5.0, length=lambda t: (1.0 + 0.1 * np.sin(t), 0.1 * np.cos(t))
+    )
+    scene = at.Scene("pulled", bar([]).bodies, [Clamp("bar.start")], connectors=[spring])
+    assert run(scene, 1e-5, 100, 10, mesh=4).status.ok
