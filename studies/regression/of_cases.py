@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from math import ceil
+from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
@@ -47,7 +48,7 @@ def _run(case: Case, mesh: tuple[int, ...] | None, dt: float | None) -> Motion:
     least = STEPS / outputs * (1.0 - 1e-9)
     parts = next(n * 10**k for k in range(9) for n in (1, 2, 5) if n * 10**k >= least)  # easy to read
     step = case.interval / (EVERY * parts) if dt is None else dt
-    times = {"dt": step, "t_end": case.duration, "output_dt": few * case.interval}
+    times: dict[str, Any] = {"dt": step, "t_end": case.duration, "output_dt": few * case.interval}
     return Discretisation(by_beam, newton_tolerance=TIGHT, **times)
 
 

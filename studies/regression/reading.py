@@ -120,14 +120,15 @@ def solution_of(task: Task, run: Motion) -> Solution:
 
 def _history(run: Motion, found: Solution, columns: Columns) -> History:
     """Samples at the times wanted; a solver may take more of them (load steps), or end early."""
-    status, static = found.status, isinstance(run, Static)
-    axis = "load factor" if static else "t (s)"
+    axis, status = "load factor" if isinstance(run, Static) else "t (s)", found.status
     parts = {"step": status.step, "body": status.body, "element": status.element}
     words = [status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)]
     ending = "" if status.ok else ", ".join(words)
     if len(found.t) < 2:  # a run that ended before its first output has only a status
         return _empty(axis, ending)
-    times = np.linspace(0.0, 1.0, run.load_steps + 1) if static else run.times(run.output_steps)
+    times = (
+        np.linspace(0.0, 1.0, run.load_steps + 1) if isinstance(run, Static) else run.times(run.output_steps)
+    )
     mine, _ = common_times(found.t, times)
     values = {head: series[mine] for head, series in columns}
     return History.of(found.t[mine], axis, values, found.cost.newton_iterations, ending)

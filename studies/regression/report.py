@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pandas as pd
@@ -29,7 +30,7 @@ def frame_of(findings: Sequence[Finding]) -> pd.DataFrame:
     rows = []
     for f in findings:
         names = zip(("scene", "run", "solver"), f.name.split("/"), strict=True)
-        row = {**dict(names), "against": f.against, "verdict": f.verdict, "reason": f.reason}
+        row: dict[str, Any] = {**dict(names), "against": f.against, "verdict": f.verdict, "reason": f.reason}
         if w := f.worst:
             row |= {"difference": w.difference, "tolerance": w.tolerance, "where": w.column, "time": w.time}
         rows.append(row)
@@ -79,7 +80,7 @@ def junit(findings: Sequence[Finding]) -> str:
         outcomes = [_outcome(f) for f in cases]
         counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
         number = {k: str(outcomes.count(v)) for k, v in counts.items()} | {"tests": str(len(cases))}
-        suite = ElementTree.SubElement(xml, "testsuite", name=scene, **number)  # type: ignore[arg-type]
+        suite = ElementTree.SubElement(xml, "testsuite", {"name": scene, **number})
         for f, outcome in zip(cases, outcomes, strict=True):
             _, run, title = f.title.split("/")
             about = {"name": title, "classname": f"{scene}.{run}", "time": f"{f.wall_s:.3f}"}

@@ -66,7 +66,7 @@ def _watch(scene: Scene, runs: Runs, ends: str = "ok", solvers: tuple[str, ...] 
 
 def explicit(mesh: Any, element: Any = "cable", steps: int = 60, dt: float = 4e-4, **options: Any) -> Motion:
     """Explicit steps, ten between two outputs."""
-    times = {"dt": dt, "t_end": steps * dt, "output_dt": 10 * dt}
+    times: dict[str, Any] = {"dt": dt, "t_end": steps * dt, "output_dt": 10 * dt}
     return Discretisation(mesh, element, integrator="zhai", **times, **options)
 
 
@@ -116,8 +116,8 @@ def base_scenes() -> list[Watch]:
 
 def _motion(mesh: Any, element: str, dt: float, t_end: float, output_dt: float, **options: Any) -> Motion:
     """Implicit steps."""
-    times = {"dt": dt, "t_end": t_end, "output_dt": output_dt}
-    return Discretisation(mesh, element, newton_tolerance=TIGHT, **times, **options)
+    options |= {"dt": dt, "t_end": t_end, "output_dt": output_dt}
+    return Discretisation(mesh, element, newton_tolerance=TIGHT, **options)
 
 
 def _fixed(mesh: Any, element: str, dt: float, t_end: float, output_dt: float) -> Motion:
