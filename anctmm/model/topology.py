@@ -2,13 +2,15 @@
 
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
-from anctmm.model.joints import Clamp, Guide, Joint, Weld, built_in, drive_of
-from anctmm.model.places import End, Graph, Place
-from anctmm.model.rigid_bodies import CENTER, PointMass
+from anctmm.model.joints import Clamp, Joint, Weld, built_in, drive_of
+from anctmm.model.places import End, Place
+from anctmm.model.rigid_bodies import PointMass
+from anctmm.model.scene import Scene
+from anctmm.validation import is_point
 
 T = TypeVar("T", bound=Hashable)
 #: What stands for the ground among names of bodies, which are texts.
@@ -19,14 +21,8 @@ GROUND = None
 class Junction:
     """A place where ends meet: places of bodies that are connected by pins and welds, directly or through others.
 
-    Parameters
-    ----------
-    groups : tuple of tuple of End
-        Ends of one group are welded to each other, directly or through others; groups are hinged to each other.
-    grounded : bool
-        Whether the place is held.
-    clamps : tuple of Clamp or None
-        For each group the clamp, fixed or driven, that holds its direction.
+    Ends of one group are welded to each other, groups are hinged to each other; each group has the clamp, fixed or
+    driven, that holds its direction.
     """
 
     groups: tuple[tuple[End, ...], ...]
@@ -69,28 +65,14 @@ class Sets(Generic[T]):
         return list(sets.values())
 
 
-class HeldDirection(NamedTuple):
-    """A joint, the place whose direction it holds, or turns, and the place against which; None is the ground."""
-
-    joint: Joint
-    by: Place | None
-    place: Place
-
-
-def held_directions(scene: Graph) -> Iterator[HeldDirection]:
-    """All directions that joints hold, or turn, against another body or against the ground."""
+def held_directions(scene: Scene) -> Iterator[tuple[Joint, Place | None, Place]]:
+    """Directions that joints hold, or turn: joint, place against which (None is the ground), and place."""
     for joint in scene.joints:
-        if not joint.holds_direction:
-            continue
-        first, *others = [scene.place(end) for end in joint.ends]
-        if isinstance(joint, Weld):
-            yield from (HeldDirection(joint, first, other) for other in others)
-        else:
-            body = joint.body if isinstance(joint, Guide) else None
-            yield HeldDirection(joint, Place(scene.body(body), CENTER) if body else None, first)
+        for by, place in joint.directions:
+            yield joint, None if by is None else scene.place(by), scene.place(place)
 
 
-def turning_bodies(scene: Graph) -> list[str]:
+def turning_bodies(scene: Scene) -> list[str]:
     """Names of bodies whose turns are to be counted: those of all others follow.
 
     They are the first of each set whose directions joints hold to each other and not to the ground, drives apart: a
@@ -107,34 +89,24 @@ def turning_bodies(scene: Graph) -> list[str]:
     return [name for one, name in found.items() if one != held]
 
 
-def joined_bodies(scene: Graph, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:
+def joined_bodies(scene: Scene, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:
     """Pairs of bodies that joints, or these connectors, join to each other; None is the ground."""
     for joint in scene.joints:
-        first, *others = [scene.place(end).body.name for end in joint.places]
-        yield from ((first, other) for other in others)
-        if isinstance(joint, Guide):
-            yield first, joint.body
-        elif joint.grounded:
+        first = scene.place(joint.places[0]).body.name
+        yield from (
+            (first, GROUND if is_point(end) else scene.place(end).body.name) for end in joint.attached
+        )
+        if joint.grounded:
             yield first, GROUND
     for connector in connectors:
         one, two = ends_of(scene, connector)
         yield one.body.name, two.body.name if isinstance(two, Place) else GROUND
 
 
-def junctions_of(scene: Graph) -> tuple[Junction, ...]:
-    """All junctions of a scene.
+def junctions_of(scene: Scene) -> tuple[Junction, ...]:
+    """All junctions of a scene, in the order of its bodies, and of each body's places from start to end.
 
-    Junctions, their groups and the groups' ends stand in the order of the scene's bodies, and of each body's places,
-    from start to end. An end of a beam without a joint is a junction of its own, and every end is in one junction;
-    other places are there if a joint names them.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    tuple of Junction
+    Every end of a beam is in one, also without a joint; other places are there if a joint names them.
     """
     places, directions = Sets[End](), Sets[End]()
     joined = [(joint, [scene.place(place).end for place in joint.ends]) for joint in built_in(scene.joints)]

@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 #: Roundings of positions, m, below which a probe rests: a support moves by a few of them, a free body by more.
 ROUNDINGS = 1e3
-#: Largest number of probes of a comparison: an infinite iterable is refused.
-MOST_PROBES = 100_000
 #: Of the size of a scene: distance by which places of a probe in two scenes may differ, as they may be rounded.
 SAME_PLACE = 1e-9
 
@@ -106,7 +104,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         If a probe is not of both scenes.
     """
     needed = "a list of at least one probe is needed, such as ['body.end', ('body', 0.5)]"
-    probes = several("probes is", probes, MOST_PROBES, needed, SolverError)
+    probes = several("probes is", probes, needed, SolverError)
     if not probes:
         raise SolverError(f"probes is []; {needed}")
     for name, value in (("solution", solution), ("reference", reference)):

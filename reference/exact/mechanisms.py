@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anctmm.model.scene import Pin, Point, PointMass, RigidBody, RotationalSpring, Scene, Slider, Spring
+from anctmm.model.connectors import RotationalSpring, Spring
+from anctmm.model.joints import Slider
+from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.scene import Pin, Point, Scene
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from anctmm.errors import SceneError, unknown_kind
 from anctmm.model.bodies import beam_of
-from anctmm.model.loads import LOADS
-from anctmm.model.scene import Beam, Clamp, Force, LineLoad, Scene, Torque, checked_scene
+from anctmm.model.loads import LOADS, LineLoad
+from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, checked_scene
 from anctmm.results.solution import Energy, Solution
 from anctmm.validation import one_of
 from reference.exact.cantilever import Cantilever

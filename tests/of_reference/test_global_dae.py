@@ -11,8 +11,9 @@ from small_scenes import ROD, RUBBER, swing
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, MeshError
+from anctmm.model.bodies import distance
 from anctmm.model.drives import Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Circle, Rectangle
 from anctmm.results.metrics import compare
 from reference import global_dae
