@@ -244,19 +244,12 @@ def _refuse_inside(scene: Scene, cut: Mapping[str, tuple[int, str]]) -> None:
 def discretise(
     run: Discretisation | None, options: dict[str, Any], *, fixed_step: bool = True
 ) -> Discretisation:
-    """A discretisation given whole, or as keywords.
-
-    Parameters
-    ----------
-    run : Discretisation or None
-    options : dict
-    fixed_step : bool
-        Whether the calling solver has fixed steps only.
+    """A discretisation given whole, or as keywords; `fixed_step`: whether the calling solver has fixed steps only.
 
     Raises
     ------
     DiscretisationError
-        If both or neither are given, or a keyword is unknown, or a tolerance is given to a solver of fixed step.
+        If both are given, or a keyword is unknown, or a tolerance is given to a solver of fixed step.
     """
     allowed = [f.name for f in fields(Discretisation) if f.init]
     if run is not None and (options or type(run) is not Discretisation):

@@ -21,25 +21,17 @@ def check_memory(
     kept_each: float = HISTORIES * NUMBER,
     pair: float = 0.0,
 ) -> None:
-    """Refuse a run that takes more memory than is free.
+    """Refuse a run that takes more memory than is free, by a MemoryLimitError that names the figures.
 
     Parameters
     ----------
-    scene : Scene
-    run : Discretisation
-    each : float
-        Bytes that the solver takes for each coordinate, without histories.
+    scene, run
+    each, pair : float
+        Bytes that the solver takes for each coordinate, and for each pair of coordinates, without histories.
     outputs : int, optional
         States that are kept; those of the run without it.
     kept_each : float
         Bytes that are kept of each coordinate at an output.
-    pair : float
-        Bytes that the solver takes for each pair of coordinates.
-
-    Raises
-    ------
-    MemoryLimitError
-        Naming the figures.
     """
     cut = run.of(scene)
     nodes = sum(elements + 1 for elements, _ in cut.values())

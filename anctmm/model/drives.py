@@ -131,22 +131,9 @@ def value_at(name: str, history: Callable[[Any], Any], time: float, width: int) 
 
 
 def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> Array:
-    """Values of a history at many times, by one array call where the callable allows it.
+    """Values of a history at many times, (n, width), by one array call where the callable allows it.
 
-    Parameters
-    ----------
-    name : str
-        What the history drives, for the message of an error.
-    history : callable
-        t (s) → one value (`width` 1) or a sequence of `width` values.
-    t : ndarray, shape (n,)
-        Times, s.
-    width : int
-        Values expected at each time.
-
-    Returns
-    -------
-    ndarray, shape (n, width)
+    `name`: what the history drives; t, (n,), s; `width`: values that it gives at each time.
 
     Raises
     ------

@@ -469,12 +469,7 @@ def drive_of(joint: Joint) -> tuple[str, Angle, str] | None:
 
 
 def check_drive(joint: Joint) -> None:
-    """Refuse a joint whose history gives nothing, or is not zero, at t = 0.
-
-    Raises
-    ------
-    PropertyError
-    """
+    """Refuse a joint whose history gives nothing, or is not zero, at t = 0."""
     if (drive := drive_of(joint)) is None:
         return
     name, history, unit = drive

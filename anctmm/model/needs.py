@@ -48,21 +48,10 @@ def features_of(scene: Scene) -> Mapping[str, object]:
 
 
 def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None:
-    """Refuse a scene that needs what a solver lacks.
+    """Refuse a scene that needs what a solver, `who`, lacks: an UnsupportedError names the feature and the thing.
 
-    Parameters
-    ----------
-    scene : Scene
-    lacks : iterable of str
-        Features, or combinations of features joined by " + ", all of which must be needed.
-    who : str
-        The solver, for the message.
-    *features : str
-        Other features needed, such as "statics".
-
-    Raises
-    ------
-    UnsupportedError
+    `lacks`: features, or combinations of features joined by " + ", all of which must be needed; `features`: others that
+    are needed, such as "statics".
     """
     asked = features_of(scene)
     for parts in (lack.split(WITH) for lack in (sorted(lacks) if asked else ())):

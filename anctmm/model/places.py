@@ -110,10 +110,8 @@ def place_of(scene: "Scene", place: object) -> Place:
 
     Raises
     ------
-    UnknownNameError
-        If it is no place, or not of the scene.
-    PropertyError
-        If a fraction lies outside [0, 1].
+    UnknownNameError, PropertyError
+        If it is no place, or not of the scene; if a fraction lies outside [0, 1].
     """
     given: Any = written(place)
     name, dot, key = given.rpartition(".") if isinstance(given, str) else (given[0], ".", given[1])

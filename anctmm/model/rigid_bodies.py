@@ -181,13 +181,7 @@ def _velocity(what: str, velocity: Any, dim: int) -> Point:
 
 
 def _tensor(what: str, inertia: Any) -> tuple[tuple[float, ...], ...]:
-    """A tensor of inertia from itself, or from its principal values.
-
-    Raises
-    ------
-    PropertyError
-        If no distribution of mass has it.
-    """
+    """A tensor of inertia from itself or its principal values; PropertyError if no distribution of mass has it."""
     needed = "three positive principal values, or a symmetric 3 × 3 array of them in other axes"
     try:
         given = reals(inertia)

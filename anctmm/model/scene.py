@@ -130,15 +130,7 @@ class Scene:
         return body
 
     def beam(self, name: str) -> Beam:
-        """The beam of a name.
-
-        Raises
-        ------
-        UnknownNameError
-            If the scene has no body of that name.
-        UnknownKindError
-            If the body is of another kind.
-        """
+        """The beam of a name; UnknownNameError if there is no such body, UnknownKindError if it is of another kind."""
         return beam_of(self.body(name))
 
     def place(self, place: Written) -> Place:
@@ -146,13 +138,7 @@ class Scene:
         return place_of(self, place)
 
     def body_end(self, end: Written) -> tuple[Beam, int]:
-        """Beam and side (0 start, 1 end) of an end such as "crank.start", for what knows no other places.
-
-        Raises
-        ------
-        UnknownNameError
-            If it is another place, or none.
-        """
+        """Beam and side (0 start, 1 end) of an end such as "crank.start"; UnknownNameError if it is another place."""
         place = self.place(end)
         if not isinstance(place.body, Beam) or place.interior:
             raise UnknownNameError(
@@ -161,15 +147,7 @@ class Scene:
         return place.body, int(place.key)
 
     def probe(self, probe: Probe) -> tuple[str, Key]:
-        """Body and key of a probe: of a beam the fraction of its undeformed length, of others a point's name.
-
-        Raises
-        ------
-        UnknownNameError
-            If it is no place, or not of the scene.
-        PropertyError
-            If a fraction lies outside [0, 1].
-        """
+        """Body and key of a probe: of a beam the fraction of its undeformed length, of others a point's name."""
         place = self.place(probe)
         return place.body.name, place.key if isinstance(place.key, str) else float(place.key)
 
@@ -182,16 +160,9 @@ class SceneToBeStarted(Scene):
 
 
 def checked_scene(scene: object, space: bool = False) -> Scene:
-    """Return a scene, or refuse what is none.
+    """Return a scene, in space only if `space`, or refuse what is none.
 
-    space: whether it may be in space.
-
-    Raises
-    ------
-    UnknownKindError
-        A subclass is none, either: it may mean something that no solver knows.
-    UnsupportedError
-        If it is in space, and may not be.
+    A subclass is none, either: it may mean something that no solver knows.
     """
     if type(scene) is not Scene:
         raise UnknownKindError(f"scene is {shown(scene)} of type {type(scene).__name__}; a Scene is needed")

@@ -19,12 +19,7 @@ LOST = ("diverged", "failed")
 def steady_state(problem: SmallMotions) -> SmallMotions:
     """Small motions about the steady spin f(q) = Ω² M (q − centre), by Newton's iteration by parts of Ω².
 
-    A part where it does not converge, near the square of a frequency, is left out.
-
-    Raises
-    ------
-    SolverError
-        If no steady state is found.
+    A part where it does not converge, near the square of a frequency, is left out, or, the last one, a SolverError.
     """
     spin, found = problem.spin, 0.0
     for part in (0.25, 0.5, 0.75, 1.0):
@@ -56,13 +51,7 @@ def _steady(problem: SmallMotions, spin: float) -> SmallMotions | None:
 
 
 def checked(system: System, about: object) -> Solution:
-    """What was given as a solution to be linearised.
-
-    Raises
-    ------
-    DiscretisationError
-        If it is no complete solution of the scene, its mesh and elements.
-    """
+    """What was given as a solution; DiscretisationError unless it is a complete one of the scene, mesh and elements."""
     scene = system.scene
     if not isinstance(about, Solution) or not len(about.t):
         raise DiscretisationError(

@@ -85,13 +85,7 @@ def axes_of(place: Place) -> Array:
 
 
 def conditions_of(scene: "Scene", joint: Joint) -> list[Condition]:
-    """Equations of a joint at the start.
-
-    Raises
-    ------
-    PropertyError
-        If the equations of a joint of a user's own kind raise, or are none.
-    """
+    """Equations of a joint at the start; PropertyError if those of a user's own kind raise, or are none."""
     ends = [end if is_point(end) else scene.place(end) for end in joint.attached]
     vectors = [
         (end, k, x)

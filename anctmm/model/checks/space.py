@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 
 
 def check_dimension(scene: "Scene") -> None:
-    """Refuse what does not fit the number of components of a scene's first body.
-
-    Raises
-    ------
-    SceneError
-        If a place or a vector has another number of components.
-    UnsupportedError
-        If something is not offered in space, or a revolute joint is in the plane.
-    """
+    """Refuse what has another number of components than a scene's first body, or is not offered in so many."""
     dim = scene.dim
     for thing, count in _components(scene):
         if count != dim:
@@ -39,13 +31,7 @@ def check_dimension(scene: "Scene") -> None:
 
 
 def check_plane(scene: "Scene", what: str) -> None:
-    """Refuse a result that is offered in the plane alone.
-
-    Raises
-    ------
-    ResultError
-        If the scene is in space.
-    """
+    """Refuse a result that is offered in the plane alone, by a ResultError."""
     if scene.dim == 3:
         raise ResultError(f"{what} are offered in the plane, and scene {scene.name!r} is in space")
 

@@ -37,10 +37,7 @@ EPS = float(np.finfo(float).eps)
 def check_start(scene: "Scene") -> None:
     """Refuse initial velocities that joints cannot have, and warn of those that clamps replace.
 
-    Raises
-    ------
-    JointGapError
-        Naming the joint, its places and their velocities.
+    A JointGapError names the joint, its places and their velocities.
     """
     conditions = [c for joint in scene.joints for c in conditions_of(scene, joint)]
     if not any(body.moving for body in scene.bodies) and not any(np.any(c.driven) for c in conditions):
