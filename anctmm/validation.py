@@ -103,37 +103,33 @@ def flag(name: str, value: object, error: type[AnctmmError] = PropertyError) -> 
     return bool(value)
 
 
-def text(name: str, value: object, error: type[AnctmmError] = PropertyError) -> str:
-    """Return `value` as a plain string that can name something, or raise `error`."""
+def text(name: str, value: object) -> str:
+    """Return `value` as a plain string that can name something, or raise PropertyError."""
     if not isinstance(value, str) or not (
         0 < len(value) <= NAME and value.isprintable() and value == value.strip()
     ):
-        raise error(
+        raise PropertyError(
             f"{name} is {shown(value)}; a non-empty string of at most {NAME} printable characters is needed, with no "
             f"space before or behind"
         )
     return str.__str__(value)
 
 
-def vector(
-    name: str,
-    value: object,
-    error: type[AnctmmError] = PropertyError,
-    high: float = LARGEST,
-    dims: Sequence[int] = (2,),
-) -> tuple[float, ...]:
-    """Return `value` as a tuple of finite floats of size `high` at most, or raise `error`.
+def vector(name: str, value: object, high: float = LARGEST, dims: Sequence[int] = (2,)) -> tuple[float, ...]:
+    """Return `value` as a tuple of finite floats of size `high` at most, or raise PropertyError.
 
     dims: numbers of components that are allowed, 2 or 3.
     """
     if not has_length(value, dims):
         needed = "a pair (x, y)" if 2 in dims else "a triple (x, y, z)"
         space = ", or a triple (x, y, z) in space," if len(dims) == 2 else ""
-        raise error(f"{name} is {shown(value)}; {needed}{space} of finite numbers in a known order is needed")
+        raise PropertyError(
+            f"{name} is {shown(value)}; {needed}{space} of finite numbers in a known order is needed"
+        )
     given: Any = value
-    found = tuple(number(f"{name}, {axis}", x, error) for axis, x in zip("xyz", given, strict=False))
+    found = tuple(number(f"{name}, {axis}", x) for axis, x in zip("xyz", given, strict=False))
     if max(map(abs, found)) > high:
-        raise error(f"{name} is {shown(value)}; numbers from -{high:g} to {high:g} are needed")
+        raise PropertyError(f"{name} is {shown(value)}; numbers from -{high:g} to {high:g} are needed")
     return found
 
 
@@ -145,9 +141,9 @@ def is_point(value: object) -> bool:
     return all(isinstance(x, Real) and not isinstance(x, bool) for x in given)
 
 
-def point(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, ...]:
+def point(name: str, value: object) -> tuple[float, ...]:
     """Return a point of the plane or of space as a tuple of floats, no further than LONGEST from the origin."""
-    return vector(name, value, error, LONGEST, (2, 3))
+    return vector(name, value, LONGEST, (2, 3))
 
 
 def one_of(name: str, value: object, allowed: Iterable[str]) -> str:

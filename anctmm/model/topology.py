@@ -36,26 +36,24 @@ class Junction:
 
 
 class Sets(Generic[T]):
-    """Disjoint sets that grow together (union-find)."""
+    """Disjoint sets that grow together; a thing not met before is a set of its own."""
 
     def __init__(self) -> None:
-        self._parent: dict[T, T] = {}
+        self._sets: dict[T, list[T]] = {}
+
+    def _with(self, thing: T) -> list[T]:
+        return self._sets.setdefault(thing, [thing])
 
     def of(self, thing: T) -> T:
-        """The member that stands for the set of a thing; a thing not met before is a set of its own."""
-        root = thing
-        while (above := self._parent.get(root, root)) != root:
-            root = above
-        while thing != root:  # later searches are short
-            self._parent[thing], thing = root, self._parent[thing]
-        return root
+        """The member that stands for the set of a thing."""
+        return self._with(thing)[0]
 
-    def unite(self, one: T, two: T) -> bool:
-        """Make one set of two; False if they were one already."""
-        a, b = self.of(one), self.of(two)
-        if a != b:
-            self._parent[b] = a
-        return a != b
+    def unite(self, one: T, two: T) -> None:
+        """Make one set of two."""
+        small, large = sorted((self._with(one), self._with(two)), key=len)
+        if small is not large:
+            large += small
+            self._sets.update(dict.fromkeys(small, large))
 
     def among(self, things: Iterable[T]) -> list[list[T]]:
         """Things by their sets, both in the order given."""
