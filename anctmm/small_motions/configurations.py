@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError, SolverError, shown
+from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 from anctmm.small_motions.linearised import SmallMotions
 from anctmm.system.system import System
@@ -64,7 +65,8 @@ def checked(system: System, about: object) -> Solution:
             f"{scene.name!r}; one of the same scene is needed (functions are the same where they are one object)"
         )
     cut = system.run.of(scene)
-    if about.run is None or about.run.of(about.scene) != cut:
+    known = all(isinstance(about.fields[body.name], HermiteField | RigidField) for body in scene.bodies)
+    if not known or about.run is None or about.run.of(about.scene) != cut:
         raise DiscretisationError(
             f"about has another mesh or element than scene {scene.name!r}; {cut} is needed"
         )
