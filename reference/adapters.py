@@ -30,7 +30,7 @@ KEPT = 24.0
 
 @dataclass
 class Answer:
-    """What another code has left.
+    """What another code has left; its energies are not read.
 
     Parameters
     ----------
@@ -41,9 +41,6 @@ class Answer:
         Of the steps: clocks run from the first step to the last, without building the model and reading results.
     status : Status
     dofs : int
-    energy : Energy, optional
-    exact_work : bool
-        Whether the energies tell whether a run has made some: whether the work is summed over steps.
     """
 
     t: Array
@@ -51,13 +48,11 @@ class Answer:
     cost: Cost
     status: Status
     dofs: int
-    energy: Energy | None = None
-    exact_work: bool = False
 
 
 @dataclass
 class Adapter:
-    """A scene as another code has it; an adapter says `check`, `build`, `integrators` and the class variables.
+    """A scene as another code has it; an adapter says `check`, `build`, `march` and the class variables.
 
     Parameters
     ----------
@@ -83,8 +78,6 @@ class Adapter:
     offer: ClassVar[Offer]
     elements: ClassVar[tuple[str, ...]] = ("cable", "shear")
     """Kinds of element that a discretisation may name; the code uses its own instead."""
-    integrators: ClassVar[Mapping[str, str]] = {}
-    """Integrators that are lacking, with what is needed instead."""
     memory: ClassVar[tuple[float, float]] = (1_000.0, KEPT)
     """Bytes of a model, and of an output, for each coordinate."""
     built: Any = field(init=False, default=None)
@@ -124,18 +117,17 @@ class Adapter:
         except UnsupportedError as why:
             return nothing(self.name, scene, run, Status("unsupported", str(why)))
         found = self.march(model)
-        energy = found.energy or Energy.unknown(len(found.t))
         solved = Solution(
-            self.name, scene, run, found.t, found.fields, energy, found.cost, found.status, found.dofs,
-            static=self.static,
+            self.name, scene, run, found.t, found.fields, Energy.unknown(len(found.t)), found.cost, found.status,
+            found.dofs, static=self.static,
         )  # fmt: skip
-        return checked(solved, static=self.static, energies=found.exact_work)
+        return checked(solved, static=self.static, energies=False)
 
     def _refuse(self) -> None:
         if not self.static and self.mode not in INTEGRATORS:
             raise unknown_option("integrator", self.mode, INTEGRATORS)
-        if self.mode in self.integrators:
-            raise UnsupportedError(f"integrator is {self.mode!r}; {self.integrators[self.mode]}")
+        if not self.static and self.mode not in (known := self.offer.integrators):
+            raise UnsupportedError(f"integrator is {self.mode!r}; {self.title} has {', '.join(known)} alone")
         refuse(self.scene, self.offer.lacks, self.title, self.mode)
         check_kinds(self.run.of(self.scene), self.elements, self.title, UnsupportedError)
         if not self.version():

@@ -1,6 +1,6 @@
 """How does an error fall with mesh and step, and how many digits of each value are correct?"""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import inf, isfinite, nan
 from typing import Any
@@ -17,7 +17,7 @@ from studies.cases import assumptions_of
 from studies.engine.files import file_name
 from studies.engine.refinement import MESH, STEP, Refined, Refinement, Setup, offer_of
 from studies.engine.runner import Runner
-from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits, check_taken
+from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
 from studies.engine.tables import Table
 from studies.engine.trials import NO_BEAMS, Mesh, mesh_label
 from studies.engine.values import OUTPUTS_NOTE, Reading, at_joints, at_probes, values_of
@@ -27,22 +27,36 @@ from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 TARGETS = {False: 1e-5, True: 1e-3}
 #: Observed order of a mesh below which it is taken to be the first.
 FIRST_ORDER = 1.5
-NOTES = {
-    "mesh": "error: difference to the finest mesh by the same step, plus the estimate of the finest mesh's own error "
-    "(Richardson's, 1.5 times, or, where the order is not that of theory, twice the difference to the mesh before). "
-    "order: observed, of two differences of meshes that follow each other.",
-    "step": "error and order as over the mesh, of steps on the finest mesh.",
-    "values": "digits: the value to the first digit of its uncertainty. uncertainty: estimated for that value from "
-    "coarser meshes and steps; orders above 2 are not counted on.",
-    "forces": "Of all output times the largest; of an equilibrium the last. A moment is that on the first place of a "
-    "joint. Forces follow accelerations, and converge more slowly than places.",
-    "exact": "Equilibria of a clamped beam against the exact solution of the continuum that the element tends to: "
-    "difference of the probes' displacements, relative, beside its estimate.",
+HELD = (
+    ' Where an axial force acts, clamps and welds that hold the stretch leave an error of first order: stretch="free" '
+    "in them removes it."
+)
+#: Titles and notes of the tables.
+TABLES = {
+    "mesh": (
+        "Error over the mesh",
+        "error: difference to the finest mesh by the same step, plus the estimate of the finest mesh's own error "
+        "(Richardson's, 1.5 times, or, where the order is not that of theory, twice the difference to the mesh "
+        "before). order: observed, of two differences of meshes that follow each other.",
+    ),
+    "step": ("Error over the step", "error and order as over the mesh, of steps on the finest mesh."),
+    "values": (
+        "Values and their uncertainty",
+        "digits: the value to the first digit of its uncertainty. uncertainty: estimated for that value from coarser "
+        "meshes and steps; orders above 2 are not counted on.",
+        OUTPUTS_NOTE,
+    ),
+    "forces": (
+        "Joint forces",
+        "Of all output times the largest; of an equilibrium the last. A moment is that on the first place of a joint. "
+        "Forces follow accelerations, and converge more slowly than places.",
+    ),
+    "exact": (
+        "Equilibria against exact solutions",
+        "Equilibria of a clamped beam against the exact solution of the continuum that the element tends to: "
+        "difference of the probes' displacements, relative, beside its estimate.",
+    ),
 }
-TITLES = {
-    "mesh": "Error over the mesh", "step": "Error over the step", "values": "Values and their uncertainty",
-    "forces": "Joint forces", "exact": "Equilibria against exact solutions",
-}  # fmt: skip
 
 
 def run(options: Options, runner: Runner) -> Result:
@@ -53,32 +67,24 @@ def run(options: Options, runner: Runner) -> Result:
     StudyError
         If meshes or steps do not fit the case, or nothing is refined, or an integrator is given where nothing moves.
     """
-    check_taken(options, "convergence")
     case = options.case
     check_fits(options, case)
     meshes, steps = given_levels(case, options)
     target = options.error or (inf if meshes and steps else TARGETS[options.quick])
     runner.heading = f"{case.name}: "
-    found = [
-        Refinement(case, setup, runner, meshes, steps).refined(target) for setup in setups(options, case)
-    ]
-    tables = {
-        "mesh": _table("mesh", found, lambda f: _levels(f, MESH)),
-        "step": _table("step", found, lambda f: _levels(f, STEP)),
-        "values": _table("values", found, lambda f: value_rows(f, at_probes)),
-        "forces": _table("forces", found, lambda f: value_rows(f, at_joints)),
-        "exact": _table("exact", found, exact_rows),
-    }
-    if tables["exact"].frame.empty:
-        del tables["exact"]
+    levels = [Refinement(case, setup, runner, meshes, steps) for setup in setups(options, case)]
+    found = [one.refined(target) for one in levels]
+    frames = {name: pd.DataFrame([row for one in found for row in _rows(name, one)]) for name in TABLES}
+    tables = [Table(n, TABLES[n][0], f, TABLES[n][1:]) for n, f in frames.items() if n != "exact" or len(f)]
     name, caption = f"configurations_{file_name(case.name)}", f"{case.name}: configurations and energies."
     drawn = [as_picture(name, caption, f.solution.plot()) for f in found if len(f.solution.t)]
     return Result(
         name="convergence", title="Convergence and joint forces",
         question="How does the error fall with mesh and step, and how far is each value from the exact one?",
-        findings=tuple(finding(f) for f in found), assumptions=assumptions_of(case), tables=tuple(tables.values()),
-        pictures=(*drawn[:1], *_picture(case.name, tables["mesh"].frame, tables["step"].frame)),
-        answers=tuple(answers(found[0])), shown=tuple(tables), good=any(f.solution.status.ok for f in found),
+        findings=tuple(map(finding, found)), assumptions=assumptions_of(case), tables=tuple(tables),
+        pictures=(*drawn[:1], *_picture(case.name, frames["mesh"], frames["step"])),
+        answers=tuple(answers(found[0])), shown=tuple(t.name for t in tables),
+        good=any(f.solution.status.ok for f in found),
     )  # fmt: skip
 
 
@@ -86,10 +92,12 @@ def setups(options: Options, case: Case) -> list[Setup]:
     """Each solver with each element of its own once: without beams all are the same."""
     several = not options.quick and bool(case.scene.beams)
     elements = (options.element,) if options.element else ("cable", "shear") if several else ("cable",)
-    integrator = options.integrator or Setup.integrator
-    solvers = options.solvers or (Setup.solver,)
-    every = [Setup(solver, element, integrator) for solver in solvers for element in elements]
-    return list({(setup.solver, setup.own_element): setup for setup in reversed(every)}.values())[::-1]
+    integrator, found = options.integrator or Setup.integrator, dict[tuple[str, str], Setup]()
+    for solver in options.solvers or (Setup.solver,):
+        for element in elements:
+            setup = Setup(solver, element, integrator)
+            found.setdefault((solver, setup.own_element), setup)
+    return list(found.values())
 
 
 def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[float, ...]]:
@@ -110,10 +118,6 @@ def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[
                 f"--elements has {mesh_label(coarse)} and {mesh_label(fine)}; the finer of two meshes needs more "
                 f"elements of each beam of {case.name!r}: an order is observed over meshes that are finer everywhere"
             )
-    if meshes and steps and options.error:
-        raise StudyError(
-            f"--error is {options.error:g} beside --elements and --dt; leave one of these out, to be chosen for it"
-        )
     if len(meshes) == 1 and (len(steps) == 1 or case.static):
         raise StudyError(
             f"--elements is {mesh_label(meshes[0])} alone{'' if case.static else ', and --dt one step'}: nothing "
@@ -127,35 +131,34 @@ def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[
 # --- tables --------------------------------------------------------------------------------------------------
 
 
-def _table(
-    name: str, found: Sequence[Refined], rows_of: Callable[[Refined], Iterator[dict[str, Any]]]
-) -> Table:
-    frame = pd.DataFrame([row for one in found for row in rows_of(one)])
-    return Table(name, TITLES[name], frame, (NOTES[name], *([OUTPUTS_NOTE] if name == "values" else [])))
-
-
-def _about(found: Refined) -> dict[str, str]:
+def _rows(table: str, found: Refined) -> Iterator[dict[str, Any]]:
+    """Rows of a table."""
     trial = found.trial
-    element = found.levels.setup.own_element if trial.scene.beams else NO_BEAMS
-    return {
-        "scene": trial.scene.name, "solver": trial.solver, "element": element, "integrator": trial.integrator,
+    about = {
+        "scene": trial.scene.name, "solver": trial.solver,
+        "element": found.levels.setup.own_element if trial.scene.beams else NO_BEAMS,
+        "integrator": trial.integrator,
     }  # fmt: skip
+    match table:
+        case "mesh" | "step":
+            rows = _levels(found, MESH if table == "mesh" else STEP)
+        case "exact":
+            rows = exact_rows(found)
+        case _:
+            rows = value_rows(found, at_probes if table == "values" else at_joints)
+    yield from (about | row for row in rows)
 
 
 def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
     """Rows of meshes, or of steps, from coarse to fine: the difference to the finest, and that one's own error."""
     levels, last = finest.levels, (finest.i, finest.j)[axis]
-    rest, refined = (finest.mesh, finest.step)[axis].error, (levels.refines_mesh, levels.refines_step)[axis]
-    for k in range(last + 1) if refined else ():
-        place = (k, finest.j) if axis == MESH else (finest.i, k)
-        solution, trial, order = (
-            levels.solution(*place),
-            levels.trial(*place),
-            levels.part(*place, axis).order,
-        )
+    rest = (finest.mesh, finest.step)[axis].error
+    for k in range(last + 1) if levels.refines[axis] else ():
+        i, j = (k, finest.j) if axis == MESH else (finest.i, k)
+        solution, trial, order = levels.solution(i, j), levels.trial(i, j), levels.part(i, j, axis).order
         error = rest if k == last else rest + levels.difference(solution, finest.solution)
         yield {
-            **_about(finest), "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
+            "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
             "error": error if isfinite(error) else nan, "order": order, "status": str(solution.status),
         }  # fmt: skip
 
@@ -165,8 +168,8 @@ def value_rows(found: Refined, read: Reading) -> Iterator[dict[str, Any]]:
     place = "probe" if read is at_probes else "joint"
     for v in values_of(found, read):
         yield {
-            **_about(found), place: v.probe, "quantity": v.quantity, "value": v.value,
-            "uncertainty": v.uncertainty, "unit": v.unit, "digits": v.text,
+            place: v.probe, "quantity": v.quantity, "value": v.value, "uncertainty": v.uncertainty, "unit": v.unit,
+            "digits": v.text,
         }  # fmt: skip
 
 
@@ -175,14 +178,18 @@ def exact_rows(found: Refined) -> Iterator[dict[str, Any]]:
     setup, case = found.levels.setup, found.levels.case
     limit = offer_of(setup.solver).limits.get(setup.element, KINDS[setup.element].continuum)
     try:
-        error = (
-            found.levels.difference(found.solution, exact_static(case.scene, limit)) if case.static else inf
-        )
+        exact = exact_static(case.scene, limit) if case.static else None
     except AnctmmError:
-        return
+        exact = None
+    error = inf if exact is None else found.levels.difference(found.solution, exact)
     if isfinite(error):
-        about = {**_about(found), "elements": found.trial.cut, "continuum": limit}
-        yield {**about, "difference": error, "estimate": found.error, "status": str(found.solution.status)}
+        about = {
+            "elements": found.trial.cut,
+            "continuum": limit,
+            "difference": error,
+            "estimate": found.error,
+        }
+        yield {**about, "status": str(found.solution.status)}
 
 
 # --- sentences -----------------------------------------------------------------------------------------------
@@ -190,16 +197,12 @@ def exact_rows(found: Refined) -> Iterator[dict[str, Any]]:
 
 def finding(found: Refined) -> str:
     """Result of one setup in a sentence."""
-    about = ", ".join(value for value in _about(found).values() if value != NO_BEAMS)
     if not found.solution.status.ok:
-        return f"{about}: {found.reason}."
-    setup = found.levels.setup
-    parts = ("mesh", found.mesh, setup.mesh_order), ("step", found.step, setup.step_order)
-    orders = [
-        f"in the {what} {part.order:.2f} (theory {theory:g})" for what, part, theory in parts if isfinite(part.order)
-    ]  # fmt: skip
+        return f"{found.levels.case.name}: {found.reason}."
+    named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.setup.orders, strict=True)
+    orders = [f"in the {n} {part.order:.2f} (theory {o:g})" for n, part, o in named if isfinite(part.order)]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
-    return f"{about}: {order}{_estimate(found)}.{_held(found)}"
+    return f"{found.levels.case.name}: {order}{_estimate(found)}.{HELD if _holds_stretch(found) else ''}"
 
 
 def answers(found: Refined) -> Iterator[Answer]:
@@ -229,21 +232,16 @@ def _estimate(found: Refined) -> str:
     return f"{found.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
 
 
-def _held(found: Refined) -> str:
-    """Reason of a mesh that converges at first order only, where that is likely."""
+def _holds_stretch(found: Refined) -> bool:
+    """Whether a mesh converges at first order only, as it does where joints hold the stretch."""
     held = any(isinstance(j, Clamp | Weld) and j.stretch == "held" for j in found.levels.case.scene.joints)
-    high = found.levels.setup.mesh_order > FIRST_ORDER
-    if not (held and high and found.mesh.order < FIRST_ORDER and found.mesh.error > found.step.error):
-        return ""
-    return (
-        " Where an axial force acts, clamps and welds that hold the stretch leave an error of first order: "
-        'stretch="free" in them removes it.'
-    )
+    slow = found.mesh.order < FIRST_ORDER < found.levels.setup.orders[MESH]
+    return held and slow and found.mesh.error > found.step.error
 
 
 def _picture(scene: str, meshes: pd.DataFrame, steps: pd.DataFrame) -> Iterator[Picture]:
     """Error over the mesh and over the step."""
-    every = [(meshes, "dofs", "unknown coordinates"), (steps, "dt", "time step (s)")]
+    every: Sequence[Any] = [(meshes, "dofs", "unknown coordinates"), (steps, "dt", "time step (s)")]
     panels = [(rows[rows["error"] > 0.0], column, label) for rows, column, label in every if len(rows)]
     panels = [panel for panel in panels if len(panel[0]) > 1]
 

@@ -1,7 +1,7 @@
 """Which beams of a case may be cables or rigid bars: error and cost of each choice against the detailed model."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, product
 from math import nan
 from typing import Any
@@ -17,7 +17,7 @@ from studies.engine.files import file_name
 from studies.engine.meshes import explicit_limit, step_below
 from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup
 from studies.engine.runner import Runner
-from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_taken
+from studies.engine.study import Answer, Options, Picture, Result, StudyError
 from studies.engine.tables import BUILD, Table, milliseconds, records
 from studies.engine.timing import least
 from studies.engine.trials import Trial
@@ -60,32 +60,37 @@ def run(options: Options, runner: Runner) -> Result:
     StudyError
         If it has none.
     """
-    check_taken(options, "fidelity")
     case = options.case
     if not case.scene.beams:
         raise StudyError(f"case {case.name!r} has no beam; at least one is needed to choose its element")
     smallest = options.error or SMALLEST[options.quick]
     targets = (*(t for t in TARGETS if t > 1.01 * smallest), smallest)
     choices = Choices.of(case.scene, kinds_of(case.scene))
-    models = Models(case, choices, runner, SHARE * smallest, MOST_WORK[options.quick])
-    rows = models.rows(choices.first())
+    refined = dict[str, Refined]()
+    for kind in choices.kinds:
+        runner.heading = f"{case.name}, mesh and step of {kind} beams: "
+        refined[kind] = Refinement(case, Setup(element=kind), runner).refined(SHARE * smallest)
+    models = Models(case, choices, refined, runner, MOST_WORK[options.quick])
+    rows = _with_gain(models.rows(choices.first()))
     alone = pd.DataFrame(_simplified(case, rows, choices, targets))
     known = {(row["unit"], row["kind"]): row["error"] for row in records(alone) if row["status"] == "ok"}
     more = [kinds for kinds in choices.best(known, targets) if "/".join(kinds) not in set(rows["element"])]
-    rows = pd.concat([rows, models.rows(more)], ignore_index=True) if more else rows
-    simplified = alone.drop(columns="unit")
+    if more:
+        rows = _with_gain(pd.concat([rows, models.rows(more)], ignore_index=True))
+    alone = alone.drop(columns="unit")
     cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
-    findings = tuple(_findings(case, choices, cheapest, simplified))
+    model, sentence = _finding(case, rows, cheapest)
+    question = f"{case.name}: which beams may be modelled more simply?"
     return Result(
         name="fidelity", title="Fidelity", question="Which beam must be modelled how finely, and what is saved?",
-        findings=findings, assumptions=(*PHYSICS, *assumptions_of(case), *models.remarks()),
+        findings=(sentence,), assumptions=(*PHYSICS, *assumptions_of(case), *_remarks(case, refined)),
         tables=(
             Table("cheapest", "The cheapest model under a target error", cheapest, (NOTES["cheapest"],)),
-            Table("beams", "One beam simplified at a time", simplified, (NOTES["beams"],)),
+            Table("beams", "One beam simplified at a time", alone, (NOTES["beams"],)),
             Table("choices", "Every choice of kinds", rows, (NOTES["choices"], BUILD)),
         ),
         pictures=(_picture(case.name, rows),) if (rows["error"] > 0.0).any() else (),
-        answers=(_answer(case, cheapest, findings),), shown=("cheapest", "beams"),
+        answers=(Answer(question, model, sentence),), shown=("cheapest", "beams"),
         good=bool(rows["status"].eq("ok").any()),
     )  # fmt: skip
 
@@ -114,19 +119,15 @@ class Choices:
             units = sorted(sorted(units, key=lambda u: -beams[u[0]].length * len(u))[:MOST_UNITS])
         return cls(tuple(beam.name for beam in beams), tuple(units), kinds)
 
-    def uniform(self, kind: str) -> Kinds:
-        """One kind for all."""
-        return (kind,) * len(self.names)
-
     def alone(self, unit: int, kind: str) -> Kinds:
         """One unit of a kind, all others as detailed as can be."""
         return tuple(kind if k in self.units[unit] else self.kinds[0] for k in range(len(self.names)))
 
     def first(self) -> list[Kinds]:
         """Choices to try before anything is known, the detailed one first."""
-        found = [self.uniform(kind) for kind in self.kinds]
-        found += [self.alone(*pair) for pair in product(range(len(self.units)), self.kinds[1:])]
-        return list(dict.fromkeys(found))
+        uniform = [(kind,) * len(self.names) for kind in self.kinds]
+        alone = [self.alone(*pair) for pair in product(range(len(self.units)), self.kinds[1:])]
+        return list(dict.fromkeys([*uniform, *alone]))
 
     def best(self, error: Mapping[tuple[int, str], float], targets: Sequence[float]) -> list[Kinds]:
         """Combinations of simplified units whose errors alone sum up to no more than a target."""
@@ -134,7 +135,7 @@ class Choices:
         return list(dict.fromkeys(found))
 
     def _sum_below(self, error: Mapping[tuple[int, str], float], target: float, base: str) -> Kinds:
-        kinds, taken = list(self.uniform(base)), dict[int, float]()
+        kinds, taken = [base] * len(self.names), dict[int, float]()
         simpler = self.kinds[self.kinds.index(base) + 1 :]
         allowed = [(e, unit, kind) for (unit, kind), e in error.items() if kind in simpler]
         for e, unit, kind in sorted(allowed):  # a later kind of a unit is simpler, and has a larger error
@@ -155,16 +156,15 @@ class Choices:
         return f"{usual}, but {'; '.join(parts)}" if parts else usual if len(kinds) == 1 else f"all {usual}"
 
 
+@dataclass(frozen=True)
 class Models:
     """Runs of choices, each kind on the mesh and by the step that its own refinement found."""
 
-    def __init__(self, case: Case, choices: Choices, runner: Runner, target: float, most_work: float) -> None:
-        self.case, self.choices, self.runner, self.most_work = case, choices, runner, most_work
-        self.detailed: float | None = None  # CPU time of the detailed model, s
-        self.refined: dict[str, Refined] = {}
-        for kind in choices.kinds:
-            runner.heading = f"{case.name}, mesh and step of {kind} beams: "
-            self.refined[kind] = Refinement(case, Setup(element=kind), runner).refined(target)
+    case: Case
+    choices: Choices
+    refined: Mapping[str, Refined]  # by kind
+    runner: Runner
+    most_work: float  # of an explicit run, elements times steps
 
     def rows(self, every: Sequence[Kinds]) -> pd.DataFrame:
         """Rows of choices: of implicit and of explicit steps; of equilibria one."""
@@ -175,20 +175,17 @@ class Models:
         solutions = self.runner.solve_many(trials)
         good = [k for k, s in enumerate(solutions) if s.status.ok]
         costs = self.runner.time_in_turn([trials[k] for k in good]) if good else []
-        timings = {k: least(samples) for k, samples in zip(good, costs, strict=True)}
-        rows = pd.DataFrame([
+        times = {k: vars(least(samples)) for k, samples in zip(good, costs, strict=True)}
+        return pd.DataFrame([
             {
                 "scene": self.case.name, "model": self.choices.words(kinds), "element": "/".join(kinds),
                 "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
                 "error": reference.error_of(solution), "reference_error": reference.uncertainty,
-                "cpu_s": timings[k].cpu_s if k in timings else nan,
-                "build_s": timings[k].build_s if k in timings else nan, "status": str(solution.status),
+                **{name: times[k][name] if k in times else nan for name in ("cpu_s", "build_s")},
+                "status": str(solution.status),
             }
             for k, ((kinds, trial), solution) in enumerate(zip(planned, solutions, strict=True))
         ])  # fmt: skip
-        if self.detailed is None:  # the detailed model is in the first rows
-            self.detailed = rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min()
-        return rows.assign(gain=self.detailed / rows["cpu_s"])
 
     def _trials(self, kinds: Kinds) -> Iterator[Trial]:
         """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
@@ -196,27 +193,32 @@ class Models:
         element = FrozenMapping(zip(self.choices.names, kinds, strict=True))
         reached = {found.trial.dt for kind, found in self.refined.items() if kind in kinds and found.reached}
         dt = min(reached or {found.trial.dt for found in self.refined.values()})
-        yield Trial.of(self.case, Setup.solver, mesh, element=element, dt=dt)
-        if self.case.static:
-            return
-        limit = explicit_limit(self.case, dict(zip(self.choices.names, mesh, strict=True)), element=element)
-        dt = step_below(self.case, min(limit, 1e-3 * self.case.duration))
-        explicit = Trial.of(self.case, Setup.solver, mesh, element=element, integrator=EXPLICIT, dt=dt)
-        if explicit.work <= self.most_work:
-            yield explicit
+        implicit = Trial.of(self.case, Setup.solver, mesh, element=element, dt=dt)
+        yield implicit
+        if not self.case.static:
+            limit = explicit_limit(self.case, implicit.by_body, element=element)
+            dt = step_below(self.case, min(limit, 1e-3 * self.case.duration))
+            explicit = replace(implicit, integrator=EXPLICIT, dt=dt)
+            yield from (explicit,) if explicit.work <= self.most_work else ()
 
-    def remarks(self) -> Iterator[str]:
-        """Sentences on this scene."""
-        for kind, found in self.refined.items():
-            if not found.reached:
-                yield f"{self.case.name}, {kind} beams: mesh and step are not fine enough, as {found.reason}."
-        nu = max(beam.material.poisson for beam in self.case.scene.beams)
-        if "shear" not in self.choices.kinds:
-            factor = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-            yield (
-                f"{self.case.name}: with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} on any "
-                f"mesh (thickness locking), so that cables are the detailed model here."
-            )
+
+def _with_gain(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows with the time of the detailed model, which is the first, over theirs."""
+    return rows.assign(gain=rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"])
+
+
+def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
+    """Sentences on this scene."""
+    for kind, found in refined.items():
+        if not found.reached:
+            yield f"{case.name}, {kind} beams: mesh and step are not fine enough, as {found.reason}."
+    if "shear" not in refined:
+        nu = max(beam.material.poisson for beam in case.scene.beams)
+        factor = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+        yield (
+            f"{case.name}: with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} on any mesh "
+            f"(thickness locking), so that cables are the detailed model here."
+        )
 
 
 def _simplified(
@@ -227,19 +229,14 @@ def _simplified(
         others = f" and {len(those) - 1} equal ones" if len(those) > 1 else ""
         about = {"scene": case.name, "beam": choices.names[those[0]] + others, "unit": unit, "kind": kind}
         runs = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s")
-        good = runs[runs["status"] == "ok"]
-        if good.empty:
-            yield {**about, "status": runs["status"].iloc[0]}
+        best = runs.iloc[0]  # those that fail have no time, and are the last
+        if best["status"] != "ok":
+            yield {**about, "status": best["status"]}
             continue
-        best = good.iloc[0]
         bound = best["error"] + best["reference_error"]
+        enough = min((t for t in targets if bound <= t), default=nan)
         found = {name: best[name] for name in ("model", "error", "reference_error", "gain")}
-        yield {
-            **about,
-            **found,
-            "enough_for": min((t for t in targets if bound <= t), default=nan),
-            "status": "ok",
-        }
+        yield {**about, **found, "enough_for": enough, "status": "ok"}
 
 
 def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
@@ -253,37 +250,19 @@ def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
     return {**about, **{name: best[name] for name in names}}
 
 
-def _answer(case: Case, cheapest: pd.DataFrame, findings: Sequence[str]) -> Answer:
+def _finding(case: Case, rows: pd.DataFrame, cheapest: pd.DataFrame) -> tuple[str, str]:
+    """The simplest model that meets the smallest target, and a sentence on it."""
     met = cheapest[cheapest["status"] == "ok"]
-    figure = "none" if met.empty else str(met["model"].iloc[-1])
-    take = findings[0].removeprefix(f"{case.name}: ")
-    question = f"{case.name}: which beams may be modelled more simply?"
-    return Answer(question, figure, f"{take[:1].upper()}{take[1:]}")
-
-
-def _findings(
-    case: Case, choices: Choices, cheapest: pd.DataFrame, simplified: pd.DataFrame
-) -> Iterator[str]:
-    """The answer, and a sentence on each beam."""
-    lines = cheapest[cheapest["status"] == "ok"]
-    if lines.empty:
-        yield f"{case.name}: no model meets any target error."
-        return
-    best, detailed = lines.iloc[-1], choices.words(choices.uniform(choices.kinds[0]))
+    if met.empty:
+        return "none", f"{case.name}: no model meets any target error."
+    best, detailed = met.iloc[-1], rows["model"].iloc[0]
     sure, by = best["reference_error"], "" if case.static else f" with {best['integrator']}"
     away = f"{best['error']:.1g} ± {sure:.1g} from {detailed}, which takes {best['gain']:.2g} times as long"
     none = f"no simpler model meets it (uncertainty {sure:.1g})"
-    yield (
+    return str(best["model"]), (
         f"{case.name}: for a target error of {best['target']:g}: {best['model']}{by}, {milliseconds(best['cpu_s'])}; "
         f"{none if best['model'] == detailed else away}."
     )
-    for line in records(simplified):
-        verdict = f"cannot be ({line['status']})"
-        if line["status"] == "ok":
-            enough = f"enough for {line['enough_for']:g}"
-            met = line["enough_for"] > 0.0
-            verdict = f"differs by {line['error']:.1g}, {enough if met else 'too much for any target error'}"
-        yield f"{case.name}, {line['beam']} as {line['kind']}: {verdict}."
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:

@@ -1,5 +1,6 @@
 """The built-in scenes: a file of cases like a user's, which defines CASES."""
 
+from itertools import pairwise
 from math import pi, sqrt
 
 import anctmm as at
@@ -8,16 +9,16 @@ from anctmm.model.case import Case
 from anctmm.model.scene import Joint, Load, Point, Probe
 
 PAPER = "Rong (2014), Multibody Syst. Dyn., doi:10.1007/s11044-013-9402-7, Table 1"
-#: A built-in scene is an ordinary case.
-BaseScene = Case
 
 # --- four-bar (Rong 2014, Table 1) -------------------------------------------------------------------------
 
-#: Ground pivots and joints at t = 0, m: crank along +x, coupler at 30°, follower at 60° from its pivot.
-CRANK_PIVOT: Point = (0.0, 0.0)
-CRANK_END: Point = (0.2, 0.0)
-COUPLER_END: Point = (0.2 + 0.45 * sqrt(3.0), 0.45)
-FOLLOWER_PIVOT: Point = (0.2 + 0.3 * sqrt(3.0), 0.0)
+#: Ends of the links at t = 0, m: crank along +x, coupler at 30°, follower at 60° from its pivot.
+CORNERS: tuple[Point, ...] = (
+    (0.0, 0.0),
+    (0.2, 0.0),
+    (0.2 + 0.45 * sqrt(3.0), 0.45),
+    (0.2 + 0.3 * sqrt(3.0), 0.0),
+)
 CRANK_TURN = at.Quintic(turn=2.0 * pi, duration=2.0)
 #: Moment of the variant, N m: carries the crank through about a third of a turn.
 CRANK_MOMENT = at.Pulse(amplitude=0.5, duration=1.0)
@@ -29,18 +30,14 @@ FOUR_BAR_NOTE = (
 )
 
 
-def _link(name: str, start: Point, end: Point, diameter: float, mass: float, E: float) -> at.Beam:
-    section = at.Circle(diameter)
-    density = mass / (section.area * distance(start, end))
-    return at.Beam(name, start, end, section, at.Material(E=E, density=density, poisson=0.0))
-
-
 def _four_bar(name: str, hub: Joint, loads: tuple[Load, ...] = ()) -> at.Scene:
-    bodies = (
-        _link("crank", CRANK_PIVOT, CRANK_END, 0.04, 0.6811, 1e9),
-        _link("coupler", CRANK_END, COUPLER_END, 0.05, 2.474, 5e6),
-        _link("follower", COUPLER_END, FOLLOWER_PIVOT, 0.03, 1.470, 5e8),
-    )
+    links = ("crank", 0.04, 0.6811, 1e9), ("coupler", 0.05, 2.474, 5e6), ("follower", 0.03, 1.470, 5e8)
+    bodies = []
+    for (link, diameter, mass, E), (start, end) in zip(links, pairwise(CORNERS), strict=True):
+        section = at.Circle(diameter)
+        density = mass / (section.area * distance(start, end))
+        material = at.Material(E=E, density=density, poisson=0.0)
+        bodies.append(at.Beam(link, start, end, section, material))
     pins = (
         at.Pin("crank.end", "coupler.start"),
         at.Pin("coupler.end", "follower.start"),
@@ -126,7 +123,3 @@ CASES = [
 def moving_scenes() -> list[Case]:
     """The two scenes of the studies of accuracy and cost, where none is named."""
     return [four_bar(), cantilever_fall()]
-
-
-#: Steps of the benchmark at equal error, s: whole parts of output_dt.
-STEPS = tuple(1e-2 / n for n in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40))

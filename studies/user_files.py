@@ -1,13 +1,10 @@
 """Python files of users: what they define, and errors that name the file."""
 
-import re
 import runpy
 import sys
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
-import anctmm
 from anctmm.errors import AnctmmError
 from anctmm.raised import line_of
 from anctmm.solvers.foreign_code import contained
@@ -32,17 +29,9 @@ def defined_in(path: Path, name: str, error: type[AnctmmError], said: str) -> An
             return runpy.run_path(str(path)).get(name)
     except Exception as raised:
         line = line_of(raised)
+        text = raised.msg if isinstance(raised, SyntaxError) else raised
         own = line is not None and Path(line.file).resolve() == path.resolve()
         where = f", {line.within if own else line}," if line else ""
-        raise error(f"{said} {path}{where} does not run: {_what(raised)}") from raised
+        raise error(f"{said} {path}{where} does not run: {type(raised).__name__}: {text}") from raised
     finally:
         sys.path[:] = places
-
-
-def _what(raised: Exception) -> str:
-    """What was raised; of wrong arguments of a class of anctmm also what it takes."""
-    text = raised.msg if isinstance(raised, SyntaxError) and raised.msg else str(raised)
-    called = re.match(r"(\w+)(?:\.__init__)?\(\) ", text) if isinstance(raised, TypeError) else None
-    thing = getattr(anctmm, called[1], None) if called else None
-    takes = f"; {called[1]} takes {', '.join(signature(thing).parameters)}" if called and thing else ""
-    return f"{type(raised).__name__}: {text}{takes}"

@@ -17,13 +17,13 @@ settings.load_profile("steady")
 
 #: Modules that `-m "not slow"` leaves out: long runs, many scenes, other codes, commands and studies.
 SLOW = {
-    "adaptive": ["driven_mechanisms", "events", "stiff_chains"],
+    "adaptive": ["events", "promises"],
     "checks": ["bench", "check", "check_of_cases", "conform"],
     "commands": ["commands", "plugins"],
     "engine": ["processes", "refinement"],
     "golden": ["golden"],
     "implicit": ["esdirk"],
-    "integrators": ["graph_motion", "graph_properties", "memory", "motion", "properties"],
+    "integrators": ["graph_properties", "memory", "motion", "properties"],
     "model": ["typing"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["agreement", "dae", "exact_mechanisms", "global_dae", "junctions", "motor_law",
@@ -35,7 +35,7 @@ SLOW = {
 }  # fmt: skip
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
-LONGEST = ("refinement", "questions", "commands", "exact", "check", "dae", "wound_springs")
+LONGEST = ("refinement", "questions", "commands", "exact", "check", "dae")
 
 
 def pytest_configure(config):

@@ -82,7 +82,6 @@ def _points(quadrature: str) -> tuple[Array, Array]:
     return np.array([len(wa), len(wb)]), np.concatenate([axial.ravel(), bending.ravel()])
 
 
-@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -135,7 +134,6 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         done = start + some
 
 
-@inlined
 def damping_forces(
     q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
 ) -> None:
@@ -278,7 +276,6 @@ def _on_nodes(out, count, l):  # type: ignore[no-untyped-def]  # noqa: E741
             out[(2 + i) * BLOCK + j], out[(8 + i) * BLOCK + j] = mean + h, mean - h
 
 
-@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
@@ -306,7 +303,6 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l, r'_I and r'_O, then by the nodal vectors.
 

@@ -64,7 +64,6 @@ def constants(e: QuinticElement) -> Array:
     return np.array([e.l, e.EA, e.EI, e.stressed * e.EA, e.stressed * e.EI])
 
 
-@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -105,7 +104,6 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         done = start + some
 
 
-@inlined
 def damping_forces(
     q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
 ) -> None:
@@ -175,7 +173,6 @@ def _add(out, j, l, W, at, px, py):  # type: ignore[no-untyped-def]  # noqa: E74
     out[11 * BLOCK + j] += l * W[at + 4] * py
 
 
-@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
@@ -195,7 +192,6 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements, by the five vectors, then by the nodal ones.
 

@@ -93,7 +93,6 @@ def _weighted(k, f, c):  # type: ignore[no-untyped-def]
     return P0[k] * f[0][c] + P1[k] * f[1][c] + P2[k] * f[2][c] + P3[k] * f[3][c] + P4[k] * f[4][c]
 
 
-@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -144,7 +143,6 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         done = start + some
 
 
-@inlined
 def damping_forces(
     q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
 ) -> None:
@@ -211,7 +209,6 @@ def _vectors(n, j, x, y, A, B, C, r):  # type: ignore[no-untyped-def]
     )
 
 
-@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
@@ -233,7 +230,6 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l and the gradients, then by the nodal vectors.
 

@@ -70,7 +70,6 @@ def _push(out, j, constants, at, force):  # type: ignore[no-untyped-def]
         out[(9 + n) * BLOCK + j] += constants[at + 3] * force[n]
 
 
-@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -101,7 +100,6 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
             _push(out, j, constants, at + 4, (m * e[0], m * e[1], m * e[2]))
 
 
-@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     EA, EI, axial, bending = constants[0], constants[1], int(constants[2]), int(constants[3])
@@ -119,7 +117,6 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements; parameters as of `forces`.
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elimination.order import Plan
+from anctmm.kernels.intrinsics import matrix, vector
 from anctmm.kernels.options import kernel, part
-from anctmm.kernels.scratch import matrix, vector
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def factorize(size: tuple[int, ...], plan: Plan, values: Array) -> int:
     int
         Number of negative pivots: by Sylvester's law of inertia that of negative eigenvalues.
     """
-    start, _, first, target = plan
+    start, first, target = plan.start, plan.first, plan.target
     blocks, negative = len(start) - 1, 0
     G = matrix(size, size)
     for j in range(blocks):
@@ -90,7 +90,7 @@ def invert(size: tuple[int, ...], values: Array, j: int) -> int:
 @kernel
 def solve(size: tuple[int, ...], plan: Plan, values: Array, x: Array) -> None:
     """Solve with a factored matrix; x, (blocks, rows), the right-hand side, is overwritten by the solution."""
-    start, row, _, _ = plan
+    start, row = plan.start, plan.row
     blocks = len(start) - 1
     y: Array = vector(size)
     z: Array = vector(size)

@@ -7,9 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.kernels.intrinsics import by_address
+
 Ints = NDArray[np.int64]
 
 
+@by_address
 class Plan(NamedTuple):
     """Structure of a factorization, for kernels; blocks are numbered by their position in the order.
 

@@ -12,14 +12,15 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from anctmm.equilibria.elastic_energy import elastic_energy
 from anctmm.kernels.announcing import compiling
 from anctmm.system.acting import FOLLOWER, TURN
 from anctmm.system.body_meshes import BeamMesh, RigidMesh
-from anctmm.system.equations import set_matrix, set_residual
+from anctmm.system.calls import set_matrix, strain_energy
+from anctmm.system.equations import set_residual
 from anctmm.system.matrix import gather, scatter
 from anctmm.system.rows import REGULARISATION, set_rows
-from anctmm.system.system import System, Tables
+from anctmm.system.system import System
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ class Balance:
     def __init__(self, system: System) -> None:
         self.system, self.mesh, self.tables = system, system.mesh, system.tables
         inputs = system.inputs(np.zeros(1))
-        self._signals, self._loads, self._free = inputs.signals[0], inputs.loads[0], inputs.free[0]
+        self._inputs = inputs
         q = system.start()[0]
         self._still, self._f = np.zeros_like(q), np.zeros_like(q)
         self._index_unknowns()
@@ -121,12 +122,16 @@ class Balance:
         rows.multiplier[:] = at.multipliers
         return self.tables._replace(dead=factor * self.tables.dead)
 
+    def _given_inputs(self, factor: float) -> Inputs:
+        """Inputs under a part of the loads."""
+        return self._inputs._replace(loads=factor * self._inputs.loads)
+
     def residual(self, at: Configuration, factor: float, v: Array | None = None) -> tuple[Array, Array]:
         """f − Jᵀλ of the unknowns, and the values of the rows; v, (rows, nodes): velocities."""
         tables = self._given(at, factor)
         set_residual(
-            self.system.space, tables, at.q, self._still if v is None else v, self._still, self._signals,
-            factor * self._loads, self._free, 0.0, self._f,
+            self.system.space, tables, at.q, self._still if v is None else v, self._still,
+            self._given_inputs(factor), 0, self._f,
         )  # fmt: skip
         return tables.matrix.unknowns[self._own], tables.rows.g.copy()
 
@@ -139,12 +144,12 @@ class Balance:
         """mass · M + stiffness · K bordered by J, sparse; unsymmetric where forces turn with their place."""
         tables = self._given(at, factor)
         set_residual(
-            self.system.space, tables, at.q, self._still, self._still, self._signals, factor * self._loads,
-            self._free, 0.0, self._f,
+            self.system.space, tables, at.q, self._still, self._still, self._given_inputs(factor), 0,
+            self._f,
         )  # fmt: skip
         set_matrix(
-            self.system.size, self.system.space, tables, at.q, self._still, self._signals,
-            factor * self._loads, self._free, 0.0, mass, stiffness, 0.0,
+            self.system.size, self.system.space, tables, at.q, self._still,
+            self._given_inputs(factor), 0, mass, stiffness, 0.0,
         )  # fmt: skip
         data = tables.matrix.flat[self._flat]
         data[self._multiplier_diagonal] = 0.0
@@ -162,7 +167,7 @@ class Balance:
             form, turns = int(acting.load_form[n]), int(acting.load_turns[n])
             g = self._vector(turns, at.q)
             (c, s), (x, y) = g / np.hypot(*g), acting.rest[n]
-            (c, s), (p, r) = (c * x + s * y, s * x - c * y), factor * self._loads[n]
+            (c, s), (p, r) = (c * x + s * y, s * x - c * y), factor * self._inputs.loads[0, n]
             force = c * p - s * r, s * p + c * r
             one = self._pushed(form, np.array([force[1], -force[0]]))
             two = self._pushed(turns, np.array([-g[1], g[0]]) / (g @ g))
@@ -188,14 +193,14 @@ class Balance:
 
     def gathered(self, f: Array) -> Array:
         """Forces, (rows, nodes), on the unknowns."""
-        gather(self.tables.matrix.at, f, self.mesh.dim, self.tables.matrix.unknowns)
+        gather(self.system.space, self.tables.matrix.at, f, self.tables.matrix.unknowns)
         return self.tables.matrix.unknowns[self._own]
 
     def spread(self, x: Array) -> Array:
         """A change of the unknowns as one of the coordinates, (rows, nodes)."""
         unknowns, out = np.zeros_like(self.tables.matrix.unknowns), np.zeros_like(self._f)
         unknowns[self._own] = x
-        scatter(self.tables.matrix.at, unknowns, self.mesh.dim, out)
+        scatter(self.system.space, self.tables.matrix.at, unknowns, out)
         return out
 
     def unknowns(self, moved: Array) -> Array:
@@ -257,12 +262,12 @@ class Balance:
 
     def missed(self, at: Configuration) -> float:
         """Largest value of a row."""
-        return float(set_rows(self.tables.rows, at.q, self._signals))
+        return float(set_rows(self.tables.rows, at.q, self._inputs.signals[0]))
 
     def strain_energy(self, at: Configuration, factor: float) -> float:
         """Strain energy of bodies and connectors, J."""
         self.residual(at, factor)
-        return float(elastic_energy(self.tables, at.q) + self.tables.acting.now[:, 2].sum())
+        return float(strain_energy(self.tables, at.q) + self.tables.acting.now[:, 2].sum())
 
 
 class Tangent:

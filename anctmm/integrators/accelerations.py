@@ -9,13 +9,20 @@ changes nothing once multipliers do not.
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elimination.factor import factorize
 from anctmm.integrators.state import State
-from anctmm.kernels.options import part, thin
-from anctmm.system.elastic import add_mass, subtract_inertia
-from anctmm.system.matrix import add_rows, clear, gather, scatter, solve_augmented
-from anctmm.system.rows import add_time_parts, multiply, set_jacobian, set_rates, set_rows
-from anctmm.system.system import Tables
+from anctmm.kernels.options import part
+from anctmm.system.calls import (
+    factorize_matrix,
+    set_accelerations,
+    set_jacobian,
+    set_matrix,
+    set_rates,
+    set_rows,
+    solve_for,
+)
+from anctmm.system.elastic import subtract_inertia
+from anctmm.system.matrix import gather
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -25,17 +32,16 @@ PROJECTIONS, KEPT, FALLS = 12, 1e-14, 0.1
 VIOLATED = 1e-8
 
 
-@thin
-def factorize_mass(size: tuple[int, ...], space: tuple[int, ...], tables: Tables, signals: Array) -> int:
-    """Factor [M Jᵀ; J −δ] with the J at hand; its number of negative pivots."""
-    matrix, width = tables.matrix, len(size)
-    clear(matrix.flat, width, matrix.padding)
-    add_mass(tables.elements, len(space), 1.0, matrix.flat, width)
-    add_rows(tables.rows, matrix.flat, width, 1.0, 0.0, signals)
-    return factorize(size, matrix.plan, matrix.values)
+@part
+def factorize_mass(
+    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, inputs: Inputs, n: int
+) -> None:
+    """Factor [M Jᵀ; J −δ] with the J at hand."""
+    set_matrix(size, space, tables, state.q, state.v, inputs, n, 1.0, 0.0, 0.0)
+    factorize_matrix(size, tables)
 
 
-@thin
+@part
 def solve_accelerations(
     size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, signals: Array
 ) -> None:
@@ -43,22 +49,22 @@ def solve_accelerations(
 
     On entry w holds the accelerations of driven vectors, and zero elsewhere; f is used up.
     """
-    rows, matrix, dim = tables.rows, tables.matrix, len(space)
+    rows, matrix = tables.rows, tables.matrix
     if len(tables.driven.node) > 0:
-        subtract_inertia(tables.elements, state.w, dim, state.f)
-    gather(matrix.at, state.f, dim, matrix.unknowns)
-    multiply(rows, state.w)
-    add_time_parts(rows, state.q, state.v, signals, 2)
+        subtract_inertia(space, tables.elements, state.w, state.f)
+    gather(space, matrix.at, state.f, matrix.unknowns)
+    if len(rows.at) > 0:
+        set_accelerations(tables, state.q, state.v, state.w, signals)
     set_row_sides(tables, -1.0)
-    solve_augmented(size, tables)
+    solve_for(size, space, tables, state.scratch)
     take_multipliers(tables)
-    scatter(matrix.at, matrix.unknowns, dim, state.scratch)
-    for k in range(state.w.shape[0]):
-        for i in range(state.w.shape[1]):
-            state.w[k, i] += state.scratch[k, i]
+    w, found = state.w, state.scratch
+    for k in range(w.shape[0]):
+        for i in range(w.shape[1]):
+            w[k, i] += found[k, i]
 
 
-@thin
+@part
 def set_row_sides(tables: Tables, factor: float) -> None:
     """Right-hand sides of the rows: factor g − δ λ, λ as known."""
     rows = tables.rows
@@ -66,7 +72,7 @@ def set_row_sides(tables: Tables, factor: float) -> None:
         tables.matrix.unknowns[rows.at[r]] = factor * rows.g[r] - rows.compliance[r] * rows.multiplier[r]
 
 
-@thin
+@part
 def take_multipliers(tables: Tables) -> None:
     """Multipliers of a solution."""
     rows = tables.rows
@@ -74,45 +80,44 @@ def take_multipliers(tables: Tables) -> None:
         rows.multiplier[r] = tables.matrix.unknowns[rows.at[r]]
 
 
-@thin
+@part
 def take_off(size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, x: Array) -> None:
     """Add to x the least change, in the metric of the matrix, that takes the values g off; known vectors stay."""
-    matrix, rows = tables.matrix, tables.rows
-    for k in range(len(matrix.unknowns)):
-        matrix.unknowns[k] = 0.0
+    unknowns, rows, change = tables.matrix.unknowns, tables.rows, state.scratch
+    for k in range(len(unknowns)):
+        unknowns[k] = 0.0
     for r in range(len(rows.at)):
-        matrix.unknowns[rows.at[r]] = -rows.g[r]
-    solve_augmented(size, tables)
-    scatter(matrix.at, matrix.unknowns, len(space), state.scratch)
+        unknowns[rows.at[r]] = -rows.g[r]
+    solve_for(size, space, tables, change)
     for k in range(x.shape[0]):
         for i in range(x.shape[1]):
-            x[k, i] += state.scratch[k, i]
+            x[k, i] += change[k, i]
 
 
 @part
 def project(
-    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, signals: Array
+    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, inputs: Inputs, n: int
 ) -> bool:
     """Put positions and velocities where rows that change have them; False where they are not kept.
 
     The matrix of the last call serves as long as values fall by ten times; it ends factored at the positions found.
     """
-    rows, last, bound = tables.rows, np.inf, KEPT * state.scale[0]
+    last, bound, signals = np.inf, KEPT * state.scale[0], inputs.signals[n]
     for _ in range(PROJECTIONS):
-        size_of = set_rows(rows, state.q, signals)
+        size_of = set_rows(tables, state.q, signals)
         if not size_of > bound:
             break
         if size_of > FALLS * last:
             if size_of <= 1e3 * bound:  # rounding
                 break
-            set_jacobian(rows, state.q, signals)
-            factorize_mass(size, space, tables, signals)
+            set_jacobian(tables, state.q, signals)
+            factorize_mass(size, space, tables, state, inputs, n)
             state.counts[1] += 1
         take_off(size, space, tables, state, state.q)
         last = size_of
-    set_jacobian(rows, state.q, signals)
-    factorize_mass(size, space, tables, signals)
+    set_jacobian(tables, state.q, signals)
+    factorize_mass(size, space, tables, state, inputs, n)
     state.counts[1] += 1
-    set_rates(rows, state.q, state.v, signals)
+    set_rates(tables, state.q, state.v, signals)
     take_off(size, space, tables, state, state.v)
-    return set_rows(rows, state.q, signals) <= VIOLATED * state.scale[0]
+    return set_rows(tables, state.q, signals) <= VIOLATED * state.scale[0]

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.methods import GeneralizedAlpha
-from anctmm.integrators.newton import Coefficients, iterate
+from anctmm.integrators.newton import Coefficients, iterate, set_end
 from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
-from anctmm.kernels.options import inlined, kernel, thin
-from anctmm.system.system import Inputs, Tables
+from anctmm.kernels.options import inlined, kernel, part
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -45,24 +45,29 @@ def coefficients(m):  # type: ignore[no-untyped-def]
     return Coefficients(m.h, 1.0 / (m.beta * m.h * m.h * part_of_w), m.gamma * m.h * part_of_w, 0)
 
 
-@thin
+@part
 def predict(m: Means, state: State) -> None:
-    """Known parts of q and v at the end of the step, and q, v there if w stays as it is."""
-    c = coefficients(m)
+    """Known parts of q and v at the end of the step."""
     r, h = 1.0 / (1.0 - m.alpha_m), m.h
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            a, w = state.a[k, i], state.w[k, i]
+    q, v, means, now = state.q, state.v, state.a, state.w
+    before, base, rate = state.before, state.base, state.rate
+    for k in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            a, w = means[k, i], now[k, i]
             known = r * (m.alpha_f * w - m.alpha_m * a)
-            base = state.q[k, i] + (h * state.v[k, i] + h * h * ((0.5 - m.beta) * a + m.beta * known))
-            rate = state.v[k, i] + h * ((1.0 - m.gamma) * a + m.gamma * known)
-            state.before[k, i], state.base[k, i], state.rate[k, i] = w, base, rate
-            state.q[k, i], state.v[k, i] = base + w / c.to_w, rate + c.to_v * w
+            before[k, i] = w
+            base[k, i] = q[k, i] + h * v[k, i] + h * h * ((0.5 - m.beta) * a + m.beta * known)
+            rate[k, i] = v[k, i] + h * ((1.0 - m.gamma) * a + m.gamma * known)
 
 
-@thin
-def drag(tables: Tables, c: Coefficients, state: State, signals: Array) -> None:
-    """Give driven vectors their positions; w follows, and with it v."""
+@part
+def begin(tables: Tables, c: Coefficients, state: State, signals: Array) -> None:
+    """q and v at the end of the step if w stays as it is, but where driven vectors have their positions."""
+    w, before = state.w, state.before
+    for k in range(w.shape[0]):
+        for i in range(w.shape[1]):
+            w[k, i] = before[k, i]
+    set_end(state, c)
     driven = tables.driven
     for n in range(len(driven.node)):
         i, a = driven.node[n], driven.component[n]
@@ -75,65 +80,53 @@ def drag(tables: Tables, c: Coefficients, state: State, signals: Array) -> None:
             state.v[a + k, i] = state.rate[a + k, i] + c.to_v * state.w[a + k, i]
 
 
-@thin
+@part
 def take_means(m: Means, state: State) -> None:
     """a at the end of the step."""
-    r = 1.0 / (1.0 - m.alpha_m)
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            w, before, a = state.w[k, i], state.before[k, i], state.a[k, i]
-            state.a[k, i] = r * ((1.0 - m.alpha_f) * w + m.alpha_f * before - m.alpha_m * a)
+    r, w, before, a = 1.0 / (1.0 - m.alpha_m), state.w, state.before, state.a
+    for k in range(a.shape[0]):
+        for i in range(a.shape[1]):
+            a[k, i] = r * ((1.0 - m.alpha_f) * w[k, i] + m.alpha_f * before[k, i] - m.alpha_m * a[k, i])
 
 
-@thin
+@part
 def step_alpha(
     size: tuple[int, ...],
     space: tuple[int, ...],
     m: Means,
     tables: Tables,
     state: State,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
 ) -> bool:
     """One step; False if Newton's iteration fails, with the matrix at hand and with one renewed at each correction."""
     c = coefficients(m)
     predict(m, state)
-    drag(tables, c, state, signals)
-    if not iterate(size, space, tables, state, c, False, signals, loads, free, t):
-        for k in range(state.q.shape[0]):
-            for i in range(state.q.shape[1]):
-                w = state.before[k, i]
-                state.w[k, i] = w
-                state.q[k, i], state.v[k, i] = state.base[k, i] + w / c.to_w, state.rate[k, i] + c.to_v * w
-        drag(tables, c, state, signals)
-        if not iterate(size, space, tables, state, c, True, signals, loads, free, t):
-            return False
-    take_means(m, state)
-    return True
+    for attempt in range(2):
+        begin(tables, c, state, inputs.signals[n])
+        if iterate(size, space, tables, state, c, attempt == 1, inputs, n):
+            take_means(m, state)
+            return True
+    return False
 
 
 @kernel
 def advance(
     size: tuple[int, ...],
     space: tuple[int, ...],
-    begin: int,
-    end: int,
+    first: int,
     m: Means,
     tables: Tables,
     state: State,
     inputs: Inputs,
     out: Output,
 ) -> int:
-    """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
-    dim = len(space)
-    for step in range(begin, end):
-        n = step - begin
-        signals, loads, free, t = inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
-        if step > 0 and not step_alpha(size, space, m, tables, state, signals, loads, free, t):
+    """States from `first` on at the times of the inputs, each found by a step; the one that failed, or −1."""
+    for n in range(len(inputs.t)):
+        step = first + n
+        if step > 0 and not step_alpha(size, space, m, tables, state, inputs, n):
             return step
-        count_work(space, tables, state, step > 0, signals, loads, free, t, out)
-        if not keep_due(step, m.steps, m.stride, tables, state, dim, out):
+        count_work(space, tables, state, step > 0, inputs, n, out)
+        if not keep_due(step, m.steps, m.stride, space, tables, state, out):
             return step
     return -1

@@ -19,8 +19,7 @@ from anctmm.errors import PropertyError
 from anctmm.integrators.alpha import means_of
 from anctmm.integrators.controlled import attempt_alpha, attempt_esdirk, take
 from anctmm.integrators.diagnosis import failed_step
-from anctmm.integrators.esdirk import method as coefficients
-from anctmm.integrators.esdirk import new_room
+from anctmm.integrators.esdirk import scheme_of
 from anctmm.integrators.fixed import settle
 from anctmm.integrators.output import Record
 from anctmm.integrators.starting import started
@@ -129,11 +128,11 @@ def trial_of(system: System, state: State, record: Record) -> Trial:
             return bool(take(system.space, place, h, tables, state, inputs, 1, out))
 
         return Trial(2, np.array([0.0, 1.0]), step, keep, lambda: None)
-    method, room, less, level = coefficients(), new_room(system), error_weights(), 2 if system.changing else 0
-    last = len(method.c) - 1
+    scheme, less = scheme_of(system, 0.0), error_weights()
+    method, room, last = scheme.method, scheme.room, len(scheme.method.c) - 1
 
     def attempt(restart: bool, h: float, inputs: Inputs) -> float:
-        return float(attempt_esdirk(*shapes, restart, h, method, level, less, tables, state, room, inputs))
+        return float(attempt_esdirk(*shapes, restart, scheme._replace(h=h), less, tables, state, inputs))
 
     def accept(place: int, h: float, inputs: Inputs) -> bool:
         out.work[:] += h * method.A[last] @ room.power

@@ -10,38 +10,36 @@ what the step damps anyway, and what joints do not allow. It is
 
 import numpy as np
 
-from anctmm.elimination.factor import solve
 from anctmm.integrators.alpha import coefficients, step_alpha
 from anctmm.integrators.esdirk import step_esdirk
 from anctmm.integrators.newton import Coefficients, renew
 from anctmm.integrators.output import count_work, keep, stage_power, too_large
 from anctmm.integrators.starting import balance
+from anctmm.integrators.state import NONE, ONE
 from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import kernel, part
 from anctmm.results.checks.divergence import STRETCH_LIMIT
-from anctmm.system.acting import add_connectors
+from anctmm.system.calls import set_forces, solve_for
 from anctmm.system.elastic import subtract_inertia
-from anctmm.system.matrix import gather, scatter
+from anctmm.system.matrix import gather
 
 
 @kernel
-def attempt_esdirk(size, space, restart, h, method, level, less, tables, state, room, inputs):  # type: ignore[no-untyped-def]
-    """A step of h, and its error; infinity if it fails. Inputs: at its start, and of the stages behind it."""
+def attempt_esdirk(size, space, restart, scheme, less, tables, state, inputs):  # type: ignore[no-untyped-def]
+    """A step, and its error; infinity if it fails. Inputs: at its start, and of the stages behind it."""
+    h, method, room = scheme.h, scheme.method, scheme.room
     if h == 0.0:
         return 0.0
     last = len(method.c) - 1
-    first = min(last, 1)  # no constant of the compiler, which would compile the step once more
     if restart:
-        signals, loads, free, t = inputs.signals[0], inputs.loads[0], inputs.free[0], inputs.t[0]
         for _ in range(2):
-            balance(size, space, tables, state, signals, loads, free, t)
-        stage_power(space, tables, state, signals, loads, free, t, room.power[last])
-    if not step_esdirk(size, space, h, method, level, tables, state, room, inputs, first):
+            balance(size, space, tables, state, inputs, NONE)
+        stage_power(space, tables, state, inputs, NONE, room.power[last])
+    if not step_esdirk(size, space, scheme, tables, state, inputs, ONE):
         return np.inf
     gamma, largest = method.A[1, 1] * h, 0.0
-    c = Coefficients(h, 1.0 / (gamma * gamma), gamma, level)
-    signals, loads, free, t = inputs.signals[last], inputs.loads[last], inputs.free[last], inputs.t[last]
-    prepare(size, space, tables, state, c, signals, loads, free, t)
+    c = Coefficients(h, 1.0 / (gamma * gamma), gamma, scheme.level)
+    prepare(size, space, tables, state, c, inputs, last)
     for n in range(less.shape[0]):
         for k in range(state.q.shape[0]):
             for i in range(state.q.shape[1]):
@@ -59,15 +57,13 @@ def attempt_alpha(size, space, restart, m, tables, state, inputs, out):  # type:
     if m.h == 0.0:
         return 0.0
     if restart:
-        signals, loads, free, t = inputs.signals[0], inputs.loads[0], inputs.free[0], inputs.t[0]
         for _ in range(2):
-            balance(size, space, tables, state, signals, loads, free, t)
-        count_work(space, tables, state, m.h < 0.0, signals, loads, free, t, out)
-    signals, loads, free, t = inputs.signals[1], inputs.loads[1], inputs.free[1], inputs.t[1]
-    if not step_alpha(size, space, m, tables, state, signals, loads, free, t):
+            balance(size, space, tables, state, inputs, NONE)
+        count_work(space, tables, state, m.h < 0.0, inputs, NONE, out)
+    if not step_alpha(size, space, m, tables, state, inputs, ONE):
         return np.inf
     c = coefficients(m)
-    prepare(size, space, tables, state, c, signals, loads, free, t)
+    prepare(size, space, tables, state, c, inputs, ONE)
     part_of_w = m.h * m.h * (m.beta + 0.5 * (m.alpha_m - m.alpha_f) - 1.0 / 6.0)
     for k in range(state.q.shape[0]):
         for i in range(state.q.shape[1]):
@@ -76,25 +72,24 @@ def attempt_alpha(size, space, restart, m, tables, state, inputs, out):  # type:
 
 
 @part
-def prepare(size, space, tables, state, c, signals, loads, free, t):  # type: ignore[no-untyped-def]
+def prepare(size, space, tables, state, c, inputs, n):  # type: ignore[no-untyped-def]
     """Have the matrix of Newton's iteration where the next step would renew it, and connectors as they are now."""
     if state.counts[2] != 0:
-        renew(size, space, tables, state, c, signals, loads, free, t)
-    add_connectors(space, tables.acting, state.q, state.v, free, t, state.f)
+        renew(size, space, tables, state, c, inputs, n)
+    set_forces(space, tables, state.q, state.v, inputs, n, state.f)
 
 
 @part
 def filtered(size, space, to_w, tables, state):  # type: ignore[no-untyped-def]
     """The error in `base` through the filter: root mean square over the nodes, by `State.weight`."""
-    matrix, dim, nodes, total = tables.matrix, len(space), state.q.shape[1], 0.0
+    matrix, nodes, total = tables.matrix, state.q.shape[1], 0.0
     for k in range(state.f.shape[0]):
         for i in range(nodes):
             state.f[k, i] = 0.0
             state.base[k, i] *= -to_w
-    subtract_inertia(tables.elements, state.base, dim, state.f)
-    gather(matrix.at, state.f, dim, matrix.unknowns)
-    solve(size, matrix.plan, matrix.values, matrix.x)
-    scatter(matrix.at, matrix.unknowns, dim, state.scratch)
+    subtract_inertia(space, tables.elements, state.base, state.f)
+    gather(space, matrix.at, state.f, matrix.unknowns)
+    solve_for(size, space, tables, state.scratch)
     for k in range(state.weight.shape[0]):
         for i in range(nodes):
             total += (state.weight[k, i] * state.scratch[k, i]) ** 2
@@ -105,11 +100,10 @@ def filtered(size, space, to_w, tables, state):  # type: ignore[no-untyped-def]
 def take(space, place, h, tables, state, inputs, row, out):  # type: ignore[no-untyped-def]
     """Count the work of a step of h unless h is 0, and turns; keep the state as output `place` unless that is −1."""
     if h > 0.0:
-        signals, loads, free, t = inputs.signals[row], inputs.loads[row], inputs.free[row], inputs.t[row]
-        count_work(space, tables, state, h > 0.0, signals, loads, free, t, out)
+        count_work(space, tables, state, h > 0.0, inputs, row, out)
     count_turns(out.turning, state.q)
     if too_large(tables.elements, state.q, len(space), STRETCH_LIMIT):
         return False
     if place >= 0:
-        keep(place, tables, state, len(space), out)
+        keep(place, space, tables, state, out)
     return True

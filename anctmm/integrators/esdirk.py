@@ -21,10 +21,13 @@ from anctmm.integrators.accelerations import KEPT, VIOLATED, take_off
 from anctmm.integrators.newton import Coefficients, iterate, set_end
 from anctmm.integrators.output import Output, keep_due, stage_power
 from anctmm.integrators.starting import balance
-from anctmm.integrators.state import State
+from anctmm.integrators.state import NONE, State
+from anctmm.kernels.intrinsics import by_address
 from anctmm.kernels.options import inlined, kernel, part
-from anctmm.system.rows import set_jacobian, set_rates, set_rows
-from anctmm.system.system import Inputs, System, Tables, place_driven
+from anctmm.system.calls import set_jacobian, set_rates, set_rows
+from anctmm.system.forces import place_driven
+from anctmm.system.system import System
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -32,10 +35,7 @@ Array = NDArray[np.float64]
 PROJECTIONS = 6
 
 
-#: For kernels no literal, for which others would be compiled once more.
-NONE = np.int64(0)
-
-
+@by_address
 class Room(NamedTuple):
     """What a step keeps beside the state.
 
@@ -54,6 +54,7 @@ class Room(NamedTuple):
     power: Array
 
 
+@by_address
 class Stages(NamedTuple):
     """Runge-Kutta coefficients: matrix A, its square, and nodes c; the last row of A is the weights."""
 
@@ -62,25 +63,29 @@ class Stages(NamedTuple):
     c: Array
 
 
-class Numbers(NamedTuple):
-    """Last step, steps between outputs, step (s), the method, and the derivative of rows that stages keep."""
+class Scheme(NamedTuple):
+    """Step h (s), the coefficients, the derivative of rows that stages keep, and their room."""
 
-    steps: int
-    stride: int
     h: float
     method: Stages
     level: int
+    room: Room
 
 
-def method() -> Stages:
-    """Coefficients of the method."""
-    return Stages(*stages())
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, and the scheme."""
+
+    steps: int
+    stride: int
+    scheme: Scheme
 
 
-def new_room(system: System) -> Room:
-    """Room for the stages of a scene."""
-    shape, count = (system.mesh.rows, system.mesh.nodes), len(stages().c)
-    return Room(np.zeros(shape), np.zeros(shape), np.zeros((count, *shape)), np.zeros((count, 2)))
+def scheme_of(system: System, h: float) -> Scheme:
+    """The scheme of a scene for steps of h, s."""
+    method, shape = Stages(*stages()), (system.mesh.rows, system.mesh.nodes)
+    count = len(method.c)
+    room = Room(np.zeros(shape), np.zeros(shape), np.zeros((count, *shape)), np.zeros((count, 2)))
+    return Scheme(h, method, 2 if system.changing else 0, room)
 
 
 def stage_times(system: System, begin: int, end: int) -> Array:
@@ -89,54 +94,52 @@ def stage_times(system: System, begin: int, end: int) -> Array:
     steps = np.arange(max(begin, 1), end)
     before = run.times(steps - 1)[:, None]
     inner = np.hstack([before + run.exact_dt * c[:-1], run.times(steps)[:, None]]).ravel()
-    return np.concatenate([[0.0], inner]) if begin == 0 else inner
+    return np.concatenate([[0.0], inner]) if begin == 0 < end else inner
 
 
 @inlined
 def begin_stage(i, h, method, room, state):  # type: ignore[no-untyped-def]
     """Known parts of q and v in stage i; w is predicted as that of the stage before."""
-    for k in range(state.q.shape[0]):
-        for n in range(state.q.shape[1]):
-            rate, way = 0.0, h * method.c[i] * room.v[k, n]
+    A, square, c, q, v, stages = method.A, method.square, method.c, room.q, room.v, room.w
+    base, rates, w = state.base, state.rate, state.w
+    for k in range(q.shape[0]):
+        for n in range(q.shape[1]):
+            rate, way = 0.0, h * c[i] * v[k, n]
             for j in range(i):
-                rate += h * method.A[i, j] * room.w[j, k, n]
-                way += h * h * method.square[i, j] * room.w[j, k, n]
-            state.base[k, n], state.rate[k, n] = room.q[k, n] + way, room.v[k, n] + rate
-            state.w[k, n] = room.w[i - 1, k, n]
+                rate += h * A[i, j] * stages[j, k, n]
+                way += h * h * square[i, j] * stages[j, k, n]
+            base[k, n], rates[k, n] = q[k, n] + way, v[k, n] + rate
+            w[k, n] = stages[i - 1, k, n]
 
 
 @part
 def take_stages(
     size: tuple[int, ...],
     space: tuple[int, ...],
-    h: float,
-    method: Stages,
-    level: int,
+    scheme: Scheme,
     tables: Tables,
     state: State,
-    room: Room,
     inputs: Inputs,
     first: int,
 ) -> bool:
     """Find the stages of a step, whose inputs stand from `first` on; False if Newton's iteration fails in one."""
+    h, method, room = scheme.h, scheme.method, scheme.room
     gamma = method.A[1, 1] * h
-    c = Coefficients(h, 1.0 / (gamma * gamma), gamma, level)
+    c = Coefficients(h, 1.0 / (gamma * gamma), gamma, scheme.level)
     for i in range(1, len(method.c)):
-        n = first + i - 1
-        signals, loads, free, t = inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
-        solved = False
+        n, solved = first + i - 1, False
         for attempt in range(2):
             if not solved:
                 begin_stage(i, h, method, room, state)
                 set_end(state, c)
-                place_driven(tables.driven, signals, state.q, state.v, state.w)
-                solved = iterate(size, space, tables, state, c, attempt == 1, signals, loads, free, t)
+                place_driven(tables.driven, inputs.signals[n], state.q, state.v, state.w)
+                solved = iterate(size, space, tables, state, c, attempt == 1, inputs, n)
         if not solved:
             return False
         for k in range(state.q.shape[0]):
             for m in range(state.q.shape[1]):
                 room.w[i, k, m] = state.w[k, m]
-        stage_power(space, tables, state, signals, loads, free, t, room.power[i])
+        stage_power(space, tables, state, inputs, n, room.power[i])
     return True
 
 
@@ -147,13 +150,13 @@ def project_end(
     """Take g and ġ off by the factored matrix of Newton's iteration; False if g stays."""
     bound, off = KEPT * state.scale[0], 0.0
     for _ in range(PROJECTIONS):
-        off = set_rows(tables.rows, state.q, signals)
+        off = set_rows(tables, state.q, signals)
         if not off > bound:
             break
         take_off(size, space, tables, state, state.q)
-    set_jacobian(tables.rows, state.q, signals)
+    set_jacobian(tables, state.q, signals)
     for _ in range(2):
-        set_rates(tables.rows, state.q, state.v, signals)
+        set_rates(tables, state.q, state.v, signals)
         take_off(size, space, tables, state, state.v)
     return off <= VIOLATED * state.scale[0]
 
@@ -162,82 +165,69 @@ def project_end(
 def step_esdirk(
     size: tuple[int, ...],
     space: tuple[int, ...],
-    h: float,
-    method: Stages,
-    level: int,
+    scheme: Scheme,
     tables: Tables,
     state: State,
-    room: Room,
     inputs: Inputs,
     first: int,
 ) -> bool:
     """One step; False, with the state as before, if it fails."""
-    last = len(method.c) - 1
+    room, last = scheme.room, len(scheme.method.c) - 1
     for k in range(state.q.shape[0]):
-        for n in range(state.q.shape[1]):
-            room.q[k, n], room.v[k, n], room.w[0, k, n] = state.q[k, n], state.v[k, n], state.w[k, n]
+        for i in range(state.q.shape[1]):
+            room.q[k, i], room.v[k, i], room.w[0, k, i] = state.q[k, i], state.v[k, i], state.w[k, i]
     room.power[0, 0], room.power[0, 1] = room.power[last, 0], room.power[last, 1]
     n = first + last - 1
-    solved = take_stages(size, space, h, method, level, tables, state, room, inputs, first)
-    if solved and level == 2:
+    solved = take_stages(size, space, scheme, tables, state, inputs, first)
+    if solved and scheme.level == 2:
         solved = project_end(size, space, tables, state, inputs.signals[n])
-    if not solved and level == 2:
+    if not solved and scheme.level == 2:
         state.counts[2] = 1
-        solved = take_stages(size, space, h, method, NONE, tables, state, room, inputs, first)
+        positions = Scheme(scheme.h, scheme.method, NONE, room)  # type: ignore[arg-type]
+        solved = take_stages(size, space, positions, tables, state, inputs, first)
         if solved:
-            balance(
-                size, space, tables, state, inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
-            )
-            stage_power(
-                space, tables, state, inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n],
-                room.power[last],
-            )  # fmt: skip
+            balance(size, space, tables, state, inputs, n)
+            stage_power(space, tables, state, inputs, n, room.power[last])
     if not solved:
         for k in range(state.q.shape[0]):
-            for m in range(state.q.shape[1]):
-                state.q[k, m], state.v[k, m], state.w[k, m] = room.q[k, m], room.v[k, m], room.w[0, k, m]
+            for i in range(state.q.shape[1]):
+                state.q[k, i], state.v[k, i], state.w[k, i] = room.q[k, i], room.v[k, i], room.w[0, k, i]
     return solved
 
 
 @inlined
-def add_work(out, h, method, room):  # type: ignore[no-untyped-def]
+def add_work(out, scheme):  # type: ignore[no-untyped-def]
     """Count the work of a step by the method's quadrature."""
-    last = len(method.c) - 1
+    A, power, last = scheme.method.A, scheme.room.power, len(scheme.method.c) - 1
     for j in range(last + 1):
-        out.work[0] += h * method.A[last, j] * room.power[j, 0]
-        out.work[1] += h * method.A[last, j] * room.power[j, 1]
+        out.work[0] += scheme.h * A[last, j] * power[j, 0]
+        out.work[1] += scheme.h * A[last, j] * power[j, 1]
 
 
 @kernel
 def advance(
     size: tuple[int, ...],
     space: tuple[int, ...],
-    begin: int,
-    end: int,
+    first: int,
     numbers: Numbers,
     tables: Tables,
     state: State,
-    room: Room,
     inputs: Inputs,
     out: Output,
 ) -> int:
-    """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
-    first, width, dim = NONE, len(numbers.method.c) - 1, len(space)
-    for step in range(begin, end):
+    """States from `first` on, whose stages have the times of the inputs; the one that failed, or −1."""
+    scheme, step, n = numbers.scheme, first, NONE
+    width = len(scheme.method.c) - 1
+    while n < len(inputs.t):
         if step == 0:
-            stage_power(
-                space, tables, state, inputs.signals[0], inputs.loads[0], inputs.free[0], inputs.t[0],
-                room.power[width],
-            )  # fmt: skip
-            first += 1
+            stage_power(space, tables, state, inputs, NONE, scheme.room.power[width])
+            n += 1
         else:
-            solved = step_esdirk(
-                size, space, numbers.h, numbers.method, numbers.level, tables, state, room, inputs, first
-            )
-            first += width
-            if not solved:
+            if not step_esdirk(size, space, scheme, tables, state, inputs, n):
                 return step
-            add_work(out, numbers.h, numbers.method, room)
-        if not keep_due(step, numbers.steps, numbers.stride, tables, state, dim, out):
+            n += width
+            add_work(out, scheme)
+        if not keep_due(step, numbers.steps, numbers.stride, space, tables, state, out):
             return step
+        step += 1
     return -1

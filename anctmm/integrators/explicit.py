@@ -17,8 +17,9 @@ from anctmm.integrators.accelerations import factorize_mass, project, solve_acce
 from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
 from anctmm.kernels.options import kernel
-from anctmm.system.rows import set_jacobian
-from anctmm.system.system import Inputs, Tables, place_driven, set_forces
+from anctmm.system.calls import set_forces, set_jacobian
+from anctmm.system.forces import place_driven
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -38,39 +39,37 @@ class Numbers(NamedTuple):
 def advance(
     size: tuple[int, ...],
     space: tuple[int, ...],
-    begin: int,
-    end: int,
+    first: int,
     numbers: Numbers,
     tables: Tables,
     state: State,
     inputs: Inputs,
     out: Output,
 ) -> int:
-    """Steps `begin` … `end` − 1; the step at which the motion diverged or left its rows, or −1."""
-    dim, dt, psi, phi = len(space), numbers.dt, numbers.psi, numbers.phi
+    """Steps from `first` on at the times of the inputs; the one at which the motion failed, or −1."""
+    dt, psi, phi = numbers.dt, numbers.psi, numbers.phi
     q, v, w, a = state.q, state.v, state.w, state.a
-    for step in range(begin, end):
-        n = step - begin
-        signals, t = inputs.signals[n], inputs.t[n]
+    for n in range(len(inputs.t)):
+        step, signals = first + n, inputs.signals[n]
         for k in range(w.shape[0]):  # `a` is the acceleration of the step before
             for i in range(w.shape[1]):
                 a[k, i], w[k, i] = w[k, i], 0.0
         place_driven(tables.driven, signals, q, v, w)
         if numbers.changing != 0:
-            if not project(size, space, tables, state, signals):
+            if not project(size, space, tables, state, inputs, n):
                 return step
         elif step == 0:
-            set_jacobian(tables.rows, q, signals)
-            factorize_mass(size, space, tables, signals)
-        set_forces(space, tables, q, v, inputs.loads[n], inputs.free[n], t, state.f)
+            set_jacobian(tables, q, signals)
+            factorize_mass(size, space, tables, state, inputs, n)
+        set_forces(space, tables, q, v, inputs, n, state.f)
         solve_accelerations(size, space, tables, state, signals)
         check = 0.0
         for k in range(w.shape[0]):
             check += w[k, 0] + w[k, w.shape[1] - 1]
         if check - check != 0.0:  # also of no number
             return step
-        count_work(space, tables, state, step > 0, signals, inputs.loads[n], inputs.free[n], t, out)
-        if not keep_due(step, numbers.steps, numbers.stride, tables, state, dim, out):
+        count_work(space, tables, state, step > 0, inputs, n, out)
+        if not keep_due(step, numbers.steps, numbers.stride, space, tables, state, out):
             return step
         if step < numbers.steps:
             for k in range(q.shape[0]):

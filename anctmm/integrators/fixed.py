@@ -70,8 +70,7 @@ def settle(system: System, record: Record, state: State, count: int) -> None:
     inputs = system.inputs(record.t[:count])
     for n in range(count):
         state.q[:], state.v[:] = q[n], v[n]
-        given = inputs.signals[n], inputs.loads[n], inputs.free[n], float(inputs.t[n])
-        balance(system.size, system.space, system.tables, state, *given)
+        balance(system.size, system.space, system.tables, state, inputs, n)
         w[n] = state.w
 
 
@@ -87,19 +86,19 @@ def batch_of(system: System, state: State, record: Record) -> Batch:
 
             def batch(begin: int, end: int) -> int:
                 inputs = system.inputs(run.times(np.arange(begin, end)))
-                return int(explicit.advance(*shapes, begin, end, fixed, tables, state, inputs, out))
+                return int(explicit.advance(*shapes, begin, fixed, tables, state, inputs, out))
         case GeneralizedAlpha():
             means = alpha.means_of(run.method, run.exact_dt, run.steps, run.stride)
 
             def batch(begin: int, end: int) -> int:
                 inputs = system.inputs(run.times(np.arange(begin, end)))
-                return int(alpha.advance(*shapes, begin, end, means, tables, state, inputs, out))
+                return int(alpha.advance(*shapes, begin, means, tables, state, inputs, out))
         case Esdirk():
-            room, level = esdirk.new_room(system), 2 if system.changing else 0
-            numbers = esdirk.Numbers(run.steps, run.stride, run.exact_dt, esdirk.method(), level)
+            scheme = esdirk.scheme_of(system, run.exact_dt)
+            numbers = esdirk.Numbers(run.steps, run.stride, scheme)
 
             def batch(begin: int, end: int) -> int:
                 inputs = system.inputs(esdirk.stage_times(system, begin, end))
-                return int(esdirk.advance(*shapes, begin, end, numbers, tables, state, room, inputs, out))
+                return int(esdirk.advance(*shapes, begin, numbers, tables, state, inputs, out))
 
     return batch

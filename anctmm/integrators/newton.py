@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from anctmm.integrators.accelerations import VIOLATED
 from anctmm.integrators.state import State
-from anctmm.kernels.options import inlined, part, thin
-from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
-from anctmm.system.matrix import scatter, solve_augmented
-from anctmm.system.rows import add_time_parts, multiply
-from anctmm.system.system import Tables
+from anctmm.kernels.options import inlined, part
+from anctmm.system.calls import factorize_matrix, set_accelerations, set_matrix, solve_for
+from anctmm.system.equations import set_residual
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -42,11 +41,11 @@ class Coefficients(NamedTuple):
 @inlined
 def set_end(state, c):  # type: ignore[no-untyped-def]
     """q and v at the end of the step from w there."""
-    q, v, w = state.q, state.v, state.w
+    q, v, w, base, rate = state.q, state.v, state.w, state.base, state.rate
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
-            q[k, i] = state.base[k, i] + w[k, i] / c.to_w
-            v[k, i] = state.rate[k, i] + c.to_v * w[k, i]
+            q[k, i] = base[k, i] + w[k, i] / c.to_w
+            v[k, i] = rate[k, i] + c.to_v * w[k, i]
 
 
 @part
@@ -57,10 +56,8 @@ def iterate(
     state: State,
     c: Coefficients,
     full: bool,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
 ) -> bool:
     """Newton's iteration from q, v and w; whether it converged. With `full` the matrix is renewed at each correction.
 
@@ -72,13 +69,12 @@ def iterate(
     last, stalls = 0.0, 0
     state.sizes[:] = 0.0
     for iteration in range(len(state.sizes)):
-        off = set_residual(space, tables, state.q, state.v, state.w, signals, loads, free, t, state.f)
+        off = set_residual(space, tables, state.q, state.v, state.w, inputs, n, state.f)
         if full or state.counts[2] != 0:
-            renew(size, space, tables, state, c, signals, loads, free, t)
+            renew(size, space, tables, state, c, inputs, n)
         if len(rows.at) > 0:
-            off = set_row_sides(tables, state, c, signals, off)
-        solve_augmented(size, tables)
-        scatter(matrix.at, matrix.unknowns, dim, state.scratch)
+            off = set_row_sides(tables, state, c, inputs.signals[n], off)
+        solve_for(size, space, tables, state.scratch)
         for r in range(len(rows.at)):
             rows.multiplier[r] += matrix.unknowns[rows.at[r]]
         change = correct(state, c, dim, length)
@@ -105,22 +101,21 @@ def iterate(
     return False
 
 
-@thin
-def renew(size, space, tables, state, c, signals, loads, free, t):  # type: ignore[no-untyped-def]
+@part
+def renew(size, space, tables, state, c, inputs, n):  # type: ignore[no-untyped-def]
     """Form and factor the matrix; the residual in the unknowns is left as it is."""
-    set_matrix(size, space, tables, state.q, state.v, signals, loads, free, t, c.to_w, 1.0, c.to_v * c.to_w)
+    set_matrix(size, space, tables, state.q, state.v, inputs, n, c.to_w, 1.0, c.to_v * c.to_w)
     factorize_matrix(size, tables)
     state.counts[1] += 1
     state.counts[2] = 0
 
 
-@thin
+@part
 def set_row_sides(tables, state, c, signals, off):  # type: ignore[no-untyped-def]
     """Right-hand sides of the rows: −g, or what their second derivative lacks; the largest value that counts."""
     rows = tables.rows
     if c.level == 2:
-        multiply(rows, state.w)
-        add_time_parts(rows, state.q, state.v, signals, c.level)
+        set_accelerations(tables, state.q, state.v, state.w, signals)
         off = 0.0
         for r in range(len(rows.at)):
             rows.g[r] /= c.to_w
@@ -130,18 +125,18 @@ def set_row_sides(tables, state, c, signals, off):  # type: ignore[no-untyped-de
     return off
 
 
-@thin
+@part
 def correct(state, c, dim, length):  # type: ignore[no-untyped-def]
     """Add the correction to q, v and w; its largest component, positions over the length, or infinity."""
-    largest, odd = 0.0, 0.0
-    by_v = c.to_v * c.to_w
-    for k in range(state.q.shape[0]):
+    largest, odd, by_v = 0.0, 0.0, c.to_v * c.to_w
+    q, v, w, change = state.q, state.v, state.w, state.scratch
+    for k in range(q.shape[0]):
         weight = 1.0 / length if k < dim else 1.0
-        for i in range(state.q.shape[1]):
-            x = state.scratch[k, i]
-            state.q[k, i] += x
-            state.v[k, i] += by_v * x
-            state.w[k, i] += c.to_w * x
+        for i in range(q.shape[1]):
+            x = change[k, i]
+            q[k, i] += x
+            v[k, i] += by_v * x
+            w[k, i] += c.to_w * x
             largest = max(largest, abs(x) * weight)
             odd += x - x  # 0 unless infinite or not a number
     return largest if odd == 0.0 else np.inf

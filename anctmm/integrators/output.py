@@ -10,18 +10,28 @@ from anctmm.integrators.starting import rests
 from anctmm.integrators.state import State
 from anctmm.integrators.turning import Turning, count_turns, turning_of
 from anctmm.kernels.announcing import compiling
-from anctmm.kernels.options import part, thin
+from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.options import part
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import STRETCH_LIMIT, checked
 from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
-from anctmm.system.acting import connector_energy, power, work_done
+from anctmm.system.acting import connector_energy
 from anctmm.system.body_meshes import BeamMesh, MassMesh, RigidMesh
-from anctmm.system.elastic import Elements, kinetic_energy, strain_energy, subtract_damping
-from anctmm.system.rows import drive_power, drive_work
-from anctmm.system.system import System, Tables, set_reactions
+from anctmm.system.calls import (
+    drive_power,
+    drive_work,
+    kinetic_energy,
+    power,
+    set_reactions,
+    strain_energy,
+    work_done,
+)
+from anctmm.system.elastic import Elements, subtract_damping
+from anctmm.system.system import System
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -29,6 +39,7 @@ Array = NDArray[np.float64]
 BodyField = HermiteField | RigidField
 
 
+@by_address
 class Output(NamedTuple):
     """What steps fill, for kernels.
 
@@ -183,48 +194,47 @@ def _at(x: Array, form: dict[int, Array]) -> Array:
 
 
 @part
-def keep(place: int, tables: Tables, state: State, dim: int, out: Output) -> None:
+def keep(place: int, space: tuple[int, ...], tables: Tables, state: State, out: Output) -> None:
     """Keep the state as an output."""
     for k in range(state.q.shape[0]):
         for i in range(state.q.shape[1]):
             out.series[0, place, k, i] = state.q[k, i]
             out.series[1, place, k, i] = state.v[k, i]
             out.series[2, place, k, i] = state.w[k, i]
-    out.energy[place, 0] = kinetic_energy(tables.elements, state.v, dim, state.scratch)
-    out.energy[place, 1] = strain_energy(tables.elements, state.q) + connector_energy(tables.acting)
+    out.energy[place, 0] = kinetic_energy(space, tables, state.v, state.scratch)
+    out.energy[place, 1] = strain_energy(tables, state.q) + connector_energy(tables.acting)
     out.energy[place, 2], out.energy[place, 3] = out.work[0], out.work[1]
     for n in range(len(out.turning.angle)):
         out.angles[place, n] = out.turning.angle[n]
 
 
-@thin
+@part
 def count_work(
     space: tuple[int, ...],
     tables: Tables,
     state: State,
     moving: bool,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     out: Output,
 ) -> None:
     """Count the work of a step that ends at the state, by the trapezoidal rule; none yet unless `moving`."""
-    work_done(space, tables.acting, moving, state.q, loads, free, out.work)
-    if signals.shape[0] > 1 and len(tables.rows.at) > 0:
-        out.work[0] += drive_work(tables.rows, state.q, signals, moving, out.drive)
+    if len(tables.acting.kind) + len(tables.acting.load_kind) > 0:
+        work_done(space, tables, moving, state.q, inputs, n, out.work)
+    if inputs.signals.shape[1] > 1 and len(tables.rows.at) > 0:
+        out.work[0] += drive_work(tables, state.q, inputs.signals[n], moving, out.drive)
     driven, dim = tables.driven, len(space)
     if len(driven.node) > 0:
-        set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)
-        for n in range(len(driven.node)):
-            i, a = driven.node[n], driven.component[n]
+        set_reactions(space, tables, state.q, state.v, state.w, inputs, n, state.scratch)
+        for x in range(len(driven.node)):
+            i, a = driven.node[x], driven.component[x]
             for k in range(a, a + dim):
                 if moving:
                     mean = 0.5 * (state.scratch[k, i] + out.memory[0, k, i])
                     out.work[0] += mean * (state.q[k, i] - out.memory[2, k, i])
                 out.memory[0, k, i], out.memory[2, k, i] = state.scratch[k, i], state.q[k, i]
     if tables.damped[1] != 0:
-        _damping_work(dim, tables, state, moving, out)
+        _damping_work(space, tables, state, moving, out)
 
 
 @part
@@ -232,27 +242,25 @@ def stage_power(
     space: tuple[int, ...],
     tables: Tables,
     state: State,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
     out: Array,
 ) -> None:
     """Power at a state of all that does work beside energies, and of damping, W, in out, (2,)."""
     out[0] = out[1] = 0.0
-    power(space, tables.acting, state.q, state.v, loads, free, t, out)
-    if signals.shape[0] > 1 and len(tables.rows.at) > 0:
-        out[0] += drive_power(tables.rows, state.q, signals)
+    power(space, tables, state.q, state.v, inputs, n, out)
+    if inputs.signals.shape[1] > 1 and len(tables.rows.at) > 0:
+        out[0] += drive_power(tables, state.q, inputs.signals[n])
     driven, dim = tables.driven, len(space)
     if len(driven.node) > 0:
-        set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)
-        for n in range(len(driven.node)):
-            i, a = driven.node[n], driven.component[n]
+        set_reactions(space, tables, state.q, state.v, state.w, inputs, n, state.scratch)
+        for x in range(len(driven.node)):
+            i, a = driven.node[x], driven.component[x]
             for k in range(a, a + dim):
                 out[0] += state.scratch[k, i] * state.v[k, i]
     if tables.damped[1] != 0:
         state.scratch[:] = 0.0
-        subtract_damping(tables.elements, state.q, state.v, dim, state.scratch)
+        subtract_damping(space, tables.elements, state.q, state.v, state.scratch)
         lost = 0.0
         for k in range(state.q.shape[0]):
             for i in range(state.q.shape[1]):
@@ -262,13 +270,13 @@ def stage_power(
 
 
 @part
-def _damping_work(dim: int, tables: Tables, state: State, moving: bool, out: Output) -> None:
+def _damping_work(space: tuple[int, ...], tables: Tables, state: State, moving: bool, out: Output) -> None:
     """Count the work of damping forces of materials: their mean times the displacement.
 
     The power lost, integrated in time, would count a motion that dies out within a step many times over.
     """
     state.scratch[:] = 0.0
-    subtract_damping(tables.elements, state.q, state.v, dim, state.scratch)
+    subtract_damping(space, tables.elements, state.q, state.v, state.scratch)
     for k in range(state.q.shape[0]):
         for i in range(state.q.shape[1]):
             if moving:
@@ -291,13 +299,13 @@ def too_large(elements: Elements, q: Array, dim: int, limit: float) -> bool:
     return False
 
 
-@thin
-def keep_due(step, last, stride, tables, state, dim, out):  # type: ignore[no-untyped-def]
+@part
+def keep_due(step, last, stride, space, tables, state, out):  # type: ignore[no-untyped-def]
     """Count turns to the state of a fixed step, and keep it if an output is due; False if a gradient is too large."""
     count_turns(out.turning, state.q)
     if step % stride != 0 and step != last:
         return True
-    if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):
+    if too_large(tables.elements, state.q, len(space), STRETCH_LIMIT):
         return False
-    keep(step // stride if step % stride == 0 else len(out.energy) - 1, tables, state, dim, out)
+    keep(step // stride if step % stride == 0 else len(out.energy) - 1, space, tables, state, out)
     return True

@@ -9,8 +9,9 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from anctmm.elimination.factor import solve
 from anctmm.errors import StabilityError
 from anctmm.system.assembled import assembled, coordinates_of
+from anctmm.system.calls import factorize_matrix, set_matrix
 from anctmm.system.elastic import stiffened
-from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
+from anctmm.system.equations import set_residual
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]
@@ -81,9 +82,8 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
 def _matrix(system: System, q: Array, mass: float, stiffness: float, rate: float):  # type: ignore[no-untyped-def]
     inputs = system.inputs(np.zeros(1))
     still = np.zeros_like(q)
-    given = inputs.signals[0], inputs.loads[0], inputs.free[0], 0.0
-    set_residual(system.space, system.tables, q, still, still, *given, np.zeros_like(q))
-    set_matrix(system.size, system.space, system.tables, q, still, *given, mass, stiffness, rate)
+    set_residual(system.space, system.tables, q, still, still, inputs, 0, np.zeros_like(q))
+    set_matrix(system.size, system.space, system.tables, q, still, inputs, 0, mass, stiffness, rate)
     return assembled(system)
 
 

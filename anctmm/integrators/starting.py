@@ -15,8 +15,10 @@ from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 from anctmm.system.acting import TURN
 from anctmm.system.body_meshes import RigidMesh
-from anctmm.system.rows import set_jacobian
-from anctmm.system.system import System, Tables, place_driven, set_forces
+from anctmm.system.calls import set_forces, set_jacobian
+from anctmm.system.forces import place_driven
+from anctmm.system.system import System
+from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
 
@@ -41,9 +43,8 @@ def started(system: System, start: Solution | None = None) -> State:
             set_angles(system, start)
     state = new_state(system, q, v)
     inputs = system.inputs(np.zeros(1))
-    given = inputs.signals[0], inputs.loads[0], inputs.free[0], 0.0
     for _ in range(2):  # the second takes off what the regularisation leaves
-        balance(system.size, system.space, system.tables, state, *given)
+        balance(system.size, system.space, system.tables, state, inputs, 0)
     state.counts[:] = 0, 1, 1, 0
     return state
 
@@ -54,17 +55,16 @@ def balance(
     space: tuple[int, ...],
     tables: Tables,
     state: State,
-    signals: Array,
-    loads: Array,
-    free: Array,
-    t: float,
+    inputs: Inputs,
+    n: int,
 ) -> None:
     """Accelerations w and a of the state, from the equations of motion; the matrix is that of the mass then."""
+    signals = inputs.signals[n]
     state.w[:] = 0.0
     place_driven(tables.driven, signals, state.q, state.v, state.w)
-    set_jacobian(tables.rows, state.q, signals)
-    factorize_mass(size, space, tables, signals)
-    set_forces(space, tables, state.q, state.v, loads, free, t, state.f)
+    set_jacobian(tables, state.q, signals)
+    factorize_mass(size, space, tables, state, inputs, n)
+    set_forces(space, tables, state.q, state.v, inputs, n, state.f)
     solve_accelerations(size, space, tables, state, signals)
     for k in range(state.w.shape[0]):
         for i in range(state.w.shape[1]):

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.kernels.intrinsics import by_address
 from anctmm.system.body_meshes import RigidMesh
 from anctmm.system.mesh import Mesh
 from anctmm.system.system import System
@@ -13,6 +14,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@by_address
 class State(NamedTuple):
     """Coordinates of all nodes and what belongs to them, for kernels; each (rows, nodes).
 
@@ -53,6 +55,8 @@ class State(NamedTuple):
     scale: Array
 
 
+#: For kernels no literals, for which others would be compiled once more.
+NONE, ONE = np.int64(0), np.int64(1)
 #: Newton corrections in a step at most.
 ITERATIONS = 30
 

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.options import thin
+from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.options import part
 from anctmm.model.bodies import Beam
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER
@@ -17,6 +18,7 @@ from anctmm.system.system import System
 Array = NDArray[np.float64]
 
 
+@by_address
 class Turning(NamedTuple):
     """Directions whose angles are counted, for kernels.
 
@@ -45,7 +47,7 @@ def turning_of(system: System) -> Turning:
     return Turning(forms_of(system.mesh, vectors), np.zeros(count), np.zeros((count, system.mesh.dim)))
 
 
-@thin
+@part
 def count_turns(turning: Turning, q: Array) -> None:
     """Count the angles at the next step, between which directions turn by less than half a turn."""
     forms = turning.forms

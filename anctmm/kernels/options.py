@@ -82,15 +82,8 @@ def inlined(function: Callable[..., Any]) -> Any:
         return _njit(function, cache=True, no_cpython_wrapper=True, forceinline=True, **OPTIONS)
 
 
-def thin(function: Callable[..., Any]) -> Any:
-    """Make a function that does little but pass tables on part of the source of the kernels that call it.
-
-    A call copies all arrays of its tables, which takes longer than what it does, and compiling it longer still.
-    """
-    return _njit(function, inline="always", **OPTIONS)
-
-
 def c_function(signature: Any, function: Callable[..., Any]) -> Any:
-    """Compile a function for callers in C, and store it on disk."""
+    """Compile a function for calls by its address, and store it on disk."""
+    options = {key: value for key, value in OPTIONS.items() if key != "no_cfunc_wrapper"}
     with _stored():
-        return numba.cfunc(signature, cache=True, error_model="numpy", fastmath={"contract"})(function)
+        return numba.cfunc(signature, cache=True, **options)(function)

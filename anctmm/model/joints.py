@@ -89,11 +89,6 @@ class Joint(JointKind):
     def features(self) -> dict[str, bool]:
         return {"own-joints": type(self) not in JOINTS}
 
-    @property
-    def directions(self) -> list[tuple[Written | None, Written]]:
-        """Pairs of places: it holds, or turns, the direction of the second against the first; None is the ground."""
-        return [(None, end) for end in self.ends] if self.holds_direction else []
-
     def equations(self, *places: Any) -> list[Equation]:
         """What is zero, as sums of vectors of places and of products of them.
 
@@ -221,10 +216,6 @@ class Weld(Joint):
             "free-welds": self.stretch == "free",
         }
 
-    @property
-    def directions(self) -> list[tuple[Written | None, Written]]:
-        return [(self.ends[0], end) for end in self.ends[1:]]
-
     def equations(self, *places: Any) -> list[Equation]:
         """Positions are one; directions are those of the first place, at the angles of the reference."""
         first = places[0]
@@ -328,11 +319,6 @@ class _LineGuide(Joint):
     def attached(self) -> tuple[Any, ...]:
         """The place, and the body that carries the line."""
         return (self.place, (0.0, 0.0) if self.body is None else f"{self.body}.center")
-
-    @property
-    def directions(self) -> list[tuple[Written | None, Written]]:
-        line = None if self.body is None else f"{self.body}.center"
-        return [(line, self.place)] if self.holds_direction else []
 
     def equations(self, place: Any, line: Any) -> list[Equation]:  # type: ignore[override]
         """The place stays on the line, or moves along it as it is driven; a prismatic joint holds the direction."""

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
-from anctmm.model.joints import Clamp, Joint, Weld, built_in, drive_of
+from anctmm.model.joints import Clamp, Weld, built_in
 from anctmm.model.places import End, Place
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Scene
@@ -63,28 +63,9 @@ class Sets(Generic[T]):
         return list(sets.values())
 
 
-def held_directions(scene: Scene) -> Iterator[tuple[Joint, Place | None, Place]]:
-    """Directions that joints hold, or turn: joint, place against which (None is the ground), and place."""
-    for joint in scene.joints:
-        for by, place in joint.directions:
-            yield joint, None if by is None else scene.place(by), scene.place(place)
-
-
 def turning_bodies(scene: Scene) -> list[str]:
-    """Names of bodies whose turns are to be counted: those of all others follow.
-
-    They are the first of each set whose directions joints hold to each other and not to the ground, drives apart: a
-    file may not have their functions.
-    """
-    sets, found = Sets[str | None](), dict[str | None, str]()
-    for joint, by, place in held_directions(scene):
-        if joint.on_line or drive_of(joint) is None:
-            sets.unite(by.body.name if by else GROUND, place.body.name)
-    for body in scene.bodies:
-        if not isinstance(body, PointMass):  # it has no direction
-            found.setdefault(sets.of(body.name), body.name)
-    held = sets.of(GROUND)
-    return [name for one, name in found.items() if one != held]
+    """Names of the bodies whose turns are counted: all that have a direction."""
+    return [body.name for body in scene.bodies if not isinstance(body, PointMass)]
 
 
 def joined_bodies(scene: Scene, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:

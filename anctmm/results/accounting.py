@@ -14,13 +14,7 @@ P = ParamSpec("P")
 
 
 def accounted(solve: Callable[P, Solution]) -> Callable[P, Solution]:
-    """The same solver, whose solutions also say `build_s` and `compile_s`.
-
-    Parameters
-    ----------
-    solve : callable
-        Its solutions say `cpu_s`, of their steps. What says `build_s` already is left alone.
-    """
+    """The same solver, whose solutions also say `build_s` and `compile_s`, unless they say it already."""
 
     @wraps(solve)
     def call(*arguments: P.args, **options: P.kwargs) -> Solution:

@@ -24,7 +24,7 @@ class Field(Protocol):
     """
 
     def position(self, place: Any) -> Array:
-        """Positions, (n, 2), m."""
+        """Positions, (n, dim), m."""
         ...
 
 
@@ -38,7 +38,10 @@ class _Series:
 
 
 class NodalField(_Series):
-    """Motion that nodes with vectors give; see `HermiteField` and `RigidField`."""
+    """Motion that nodes with vectors give; see `HermiteField` and `RigidField`.
+
+    `velocity` and `spin` raise ResultError if the solver keeps no velocities.
+    """
 
     coordinates: Array
     velocities: Array | None
@@ -47,33 +50,21 @@ class NodalField(_Series):
     start_angle: Array | None
 
     def position(self, place: Any) -> Array:
-        """Positions of a place, (n, 2), m."""
+        """Positions of a place, (n, dim), m."""
         return self._vector(self.coordinates, place, 0)
 
     def velocity(self, place: Any) -> Array:
-        """Velocities of a place, (n, 2), m/s.
-
-        Raises
-        ------
-        ResultError
-            If the solver keeps none.
-        """
+        """Velocities of a place, (n, dim), m/s."""
         return self._vector(_known(self.velocities), place, 0)
 
     def direction(self, place: Any) -> Array:
-        """The vector that turns with a place: the tangent of an axis, r_y of a shear element; (n, 2)."""
+        """The vector that turns with a place: the tangent of an axis, r_y of a shear element; (n, dim)."""
         return self._vector(self.coordinates, place, 1)
 
     def spin(self, place: Any) -> Array:
-        """Rate of the angle of a place, (n,), rad/s.
-
-        Raises
-        ------
-        ResultError
-            If the solver keeps none.
-        """
-        rates = self._vector(_known(self.velocities), place, 1)
-        return spin_of(as_complex(self.direction(place)), as_complex(rates))
+        """Rate of the angle of a place, (n,), rad/s."""
+        vectors, rates = self.direction(place), self._vector(_known(self.velocities), place, 1)
+        return np.asarray(cross(vectors, rates) / np.square(vectors).sum(axis=1))
 
     def _vector(self, q: Array, place: Any, order: int) -> Array:
         raise NotImplementedError
@@ -85,7 +76,7 @@ class HermiteField(NodalField):
 
     Parameters
     ----------
-    coordinates : ndarray, shape (n, nodes, 2 or 3, 2)
+    coordinates : ndarray, shape (n, nodes, 2 or 3, dim)
         r (m), r_x and, for the shear element, r_y of each node at each time.
     length : float
         Undeformed length of the body, m.
@@ -113,7 +104,7 @@ class HermiteField(NodalField):
 
     @property
     def node_directions(self) -> Array:
-        """The vectors that turn with the nodes, (n, nodes, 2)."""
+        """The vectors that turn with the nodes, (n, nodes, dim)."""
         return self.coordinates[:, :, 2 if self.sections else 1]
 
     def node(self, place: float) -> int:
@@ -121,33 +112,32 @@ class HermiteField(NodalField):
         return round(place * (self.coordinates.shape[1] - 1))
 
     def gradients(self, place: float) -> list[Array]:
-        """r_x at a place and, of the shear element, r_y, each (n, 2)."""
-        return [self._sum(self.coordinates, place, 1), *([self.direction(place)] if self.sections else [])]
+        """r_x at a place and, of the shear element, r_y, each (n, dim)."""
+        return [self._axis(self.coordinates, place, 1), *([self.direction(place)] if self.sections else [])]
 
     def _vector(self, q: Array, place: float, order: int) -> Array:
         if order and self.sections:
-            i, x, _ = self._at(place)
+            i, x = self._at(place)
             return np.asarray((1.0 - x) * q[:, i, 2] + x * q[:, i + 1, 2])
-        return self._sum(q, place, order)
+        return self._axis(q, place, order)
 
-    def _sum(self, q: Array, place: float, order: int) -> Array:
+    def _axis(self, q: Array, place: float, order: int) -> Array:
         """The axis, or its derivative."""
-        i, x, l = self._at(place)  # noqa: E741
+        i, x = self._at(place)
         if x in (0.0, 1.0):  # a node, as most places that are looked at
             return q[:, i + int(x), order].copy()
-        weights = self._shape(x, l, order)
-        return np.einsum(
-            "i,nic->nc", weights, q[:, i : i + 2, : len(weights) // 2].reshape(len(q), len(weights), -1)
-        )
+        weights = self._shape(x, self.length / (q.shape[1] - 1), order)
+        vectors = q[:, i : i + 2, : len(weights) // 2].reshape(len(q), len(weights), -1)
+        return np.einsum("i,nic->nc", weights, vectors)
 
     def _shape(self, x: float, l: float, order: int) -> Array:  # noqa: E741
         return hermite(x, l, order)[0]
 
-    def _at(self, place: float) -> tuple[int, float, float]:
-        """Element, place in it from 0 to 1, and its length, m."""
+    def _at(self, place: float) -> tuple[int, float]:
+        """Element, and place in it from 0 to 1."""
         elements = self.coordinates.shape[1] - 1
         i = min(int(place * elements), elements - 1)
-        return i, place * elements - i, self.length / elements
+        return i, place * elements - i
 
 
 @dataclass(frozen=True)
@@ -194,10 +184,8 @@ class RigidField(NodalField):
         space those along the principal axes.
     points : mapping of str to tuple of float
         Where its points stand from the centre, before the start, m; in space along the principal axes.
-    velocities, accelerations : ndarray, shape (n, 2, 2), optional
-        Rates, per s and s².
-    turned, start_angle : ndarray, shapes (k, 1) and (n,), optional
-        As of `HermiteField`.
+    velocities, accelerations, turned, start_angle
+        As of `HermiteField`, of one node.
     axes : tuple, shape (3, 3)
         In space the principal axes in the reference, as rows.
     """
@@ -216,7 +204,7 @@ class RigidField(NodalField):
 
     @property
     def node_directions(self) -> Array:
-        """The vector that turns with the body, (n, 1, 2)."""
+        """The vector that turns with the body, (n, 1, dim)."""
         return self.coordinates[:, 1:2]
 
     def node(self, place: str) -> int:
@@ -278,11 +266,6 @@ class LagrangeField(_Series):
         quadratic = ((1.0 - x) * (1.0 - 2.0 * x), 4.0 * x * (1.0 - x), x * (2.0 * x - 1.0))
         weights = (1.0 - x, x) if self.order == 1 else quadratic
         return sum(w * nodal[:, first + k] for k, w in enumerate(weights))  # type: ignore[return-value]
-
-
-def spin_of(vectors: Complex, rates: Complex) -> Array:
-    """Rate at which a vector turns, (n,), rad/s."""
-    return np.asarray(np.imag(rates * np.conj(vectors)) / np.abs(vectors) ** 2)
 
 
 def as_complex(vectors: Array) -> Complex:

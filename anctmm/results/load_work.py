@@ -12,9 +12,6 @@ from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 
-#: Gauss points of an element with which the displacement of every kind of element is integrated exactly.
-POINTS = 4
-
 
 def with_load_work(found: Solution) -> Solution:
     """Equilibria of any solver with the work of what acts beside constant forces, whose potential they have.
@@ -42,7 +39,7 @@ def _work(found: Any, load: Load, value: Array) -> Array:
             return np.asarray(found.displacement(load.end) @ value)
         case LineLoad():
             elements = found.run.of(found.scene)[load.body][0]
-            points, weights = np.polynomial.legendre.leggauss(POINTS)
+            points, weights = np.polynomial.legendre.leggauss(4)  # exact for every kind of element
             fractions = (np.arange(elements)[:, None] + 0.5 * (points + 1.0)) / elements
             path = cast(Array, found.position(load.body, fractions.ravel()))
             length = found.scene.beam(load.body).length / (2.0 * elements)

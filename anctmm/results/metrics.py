@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,6 @@ Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 #: Roundings of positions, m, below which a probe rests: a support moves by a few of them, a free body by more.
 ROUNDINGS = 1e3
-#: Of the size of a scene: distance by which places of a probe in two scenes may differ, as they may be rounded.
-SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -79,10 +76,9 @@ def rounding_at(solution: Solution, probe: Probe) -> float:
 
 
 def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) -> Comparison:
-    """Compare two solutions of one scene at probes.
+    """Compare two solutions of one scene at probes, which must stand in the same places where nothing has moved yet.
 
-    Each may have its own mesh, elements, loads and solver, and bodies of other kinds, but probes must stand in the same
-    places where nothing has moved yet.
+    Each may have its own mesh, elements, loads and solver, and bodies of other kinds.
 
     Parameters
     ----------
@@ -111,25 +107,19 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         if not isinstance(value, Solution):
             raise SolverError(f"{name} is {shown(value)}; a Solution is needed")
     mine, theirs = _common(solution, reference)
-    by_probe: dict[Probe, float] = {}
     moving = bool((mine > 0).any() and (theirs > 0).any())
-    largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
-    for probe in probes:
-        place = solution.scene.probe(probe)
-        _check_place(solution, reference, probe)
-        key: Any = probe if isinstance(probe, str) else place
-        by_probe[key] = float("nan")
-        if moving:
-            u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
-            rounding = rounding_at(reference, probe)
-            by_probe[key] = history_error(u, v, rounding)
-            largest = worst([largest, float(np.linalg.norm(u - v, axis=-1).max())])
-            scale = worst([scale, float(np.linalg.norm(v, axis=-1).max())])
-            blur = max(blur, rounding)
+    errors = {_check_place(solution, reference, probe): (np.nan, np.nan, np.nan, 0.0) for probe in probes}
+    for probe in errors if moving else ():
+        u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
+        rounding = rounding_at(reference, probe)
+        sizes = (float(np.linalg.norm(x, axis=-1).max()) for x in (u - v, v))
+        errors[probe] = (history_error(u, v, rounding), *sizes, rounding)  # type: ignore[assignment]
+    of_probes, differences, scales, roundings = zip(*errors.values(), strict=True)
+    largest, scale = worst(differences), worst(scales)
     return Comparison(
-        error=worst(by_probe.values()),
-        largest=largest / scale if scale > blur else float("nan"),
-        by_probe=by_probe,
+        error=worst(of_probes),
+        largest=largest / scale if scale > max(roundings) else float("nan"),
+        by_probe=dict(zip(errors, of_probes, strict=True)),
         cost_ratio=solution.cost.cpu_s / reference.cost.cpu_s if reference.cost.cpu_s > 0 else float("nan"),
         statuses=(solution.status, reference.status),
         common=int(mine.size),
@@ -139,10 +129,8 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
 def _common(solution: Solution, reference: Solution) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Places of the common times, of solutions of one kind; at least two of whole ones."""
     if solution.static != reference.static and solution.t.size and reference.t.size:
-        one, other = (
-            "equilibria at load factors" if s.static else "a motion in time" for s in (solution, reference)
-        )
-        raise SolverError(f"solution holds {one} and reference {other}; two of one kind are needed")
+        kinds = ("equilibria" if s.static else "a motion in time" for s in (solution, reference))
+        raise SolverError("solution holds {} and reference {}; two of one kind are needed".format(*kinds))
     mine, theirs = common_times(solution.t, reference.t)
     whole = solution.status.ok and reference.status.ok
     if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):
@@ -176,17 +164,23 @@ def places_of(scene: Scene) -> list[Probe]:
     return [f"{name}.{key}" for name, ends in keys for key in ends]
 
 
-def _check_place(solution: Solution, reference: Solution, probe: Probe) -> None:
-    """Of the undeformed scenes: an equilibrium, from which a motion may start, depends on mesh and loads."""
+def _check_place(solution: Solution, reference: Solution, probe: Probe) -> Probe:
+    """A probe, written as a pair or a text, that stands in one place of both undeformed scenes.
+
+    An equilibrium, from which a motion may start, depends on mesh and loads.
+    """
     scenes = solution.scene, reference.scene
+    place = solution.scene.probe(probe)
+    key = probe if isinstance(probe, str) else place
     if scenes[0] is scenes[1]:
-        return
+        return key
     one, other = (scene.place(probe).position for scene in scenes)
-    if distance(one, other) > SAME_PLACE * max(scene.length for scene in scenes):
+    if distance(one, other) > 1e-9 * max(scene.length for scene in scenes):  # as they may be rounded
         raise SolverError(
             f"probe {shown(probe)} is at {shown(one)} m in scene {scenes[0].name!r} of the solution and at "
             f"{shown(other)} m in scene {scenes[1].name!r} of the reference; two solutions of one scene are needed"
         )
+    return key
 
 
 def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -194,9 +188,6 @@ def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]
     if a.size == 0 or b.size == 0:
         return np.empty(0, np.intp), np.empty(0, np.intp)
     tolerance = 1e-9 * max(float(a[-1]), float(b[-1]))
-    if a.size * b.size < 4_000_000:
-        nearest = np.abs(a[:, None] - b[None, :]).argmin(axis=1)
-    else:
-        nearest = np.clip(np.searchsorted(b, a - tolerance), 0, b.size - 1)
+    nearest = np.clip(np.searchsorted(b, a - tolerance), 0, b.size - 1)
     match = np.abs(b[nearest] - a) <= tolerance
     return np.flatnonzero(match), nearest[match]

@@ -160,12 +160,11 @@ class Solution:
     def whole_turns(self) -> WholeTurns:
         """Angles of sections since the undeformed scene."""
         check_plane(self.scene, "angles")
-        return WholeTurns(self.scene, self.fields, self.t, self.static)
+        return WholeTurns(self.fields, self.t)
 
     @cached_property
     def _reactions(self) -> list[Array]:
         """Reactions of all joints, in the scene's order."""
-        check_plane(self.scene, "reactions")
         return reactions_of(self)
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
@@ -184,7 +183,7 @@ class Solution:
         UnknownNameError, PropertyError
             If there is no such place.
         """
-        return self._read(place, fraction, lambda name, at: self.fields[name].position(at), self.scene.dim)
+        return self._read(place, fraction, self._of_field("position"), self.scene.dim)
 
     def velocity(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Velocities of a material point, (n, 2), m/s; of k fractions (n, k, 2). Parameters as of `position`.
@@ -194,8 +193,7 @@ class Solution:
         ResultError
             If the solver stores no velocities, or the solution is static.
         """
-        dim = self.scene.dim
-        return self._read(place, fraction, lambda name, at: cast(Any, self.fields[name]).velocity(at), dim)
+        return self._read(place, fraction, self._of_field("velocity"), self.scene.dim)
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Angles by which sections have rotated since the first output, counter-clockwise.
@@ -215,17 +213,16 @@ class Solution:
 
         Notes
         -----
-        Along beams, and between bodies that are clamped, welded or driven, whole turns are found at each output. Of
-        bodies that are free to rotate, ANC-TMM and the global DAE count them at each step. For the other solvers they
-        are derived from angular velocities at the outputs, which must be less than half a turn apart unless the rate
-        changes little between them. See `anctmm.results.whole_turns`.
+        ANC-TMM and the global DAE count whole turns at each step. For the other solvers they are derived from angular
+        velocities at the outputs, which must be less than half a turn apart unless the rate changes little between
+        them.
 
         Raises
         ------
         ResultError
             If the solver stores no angles, or the place is that of a point mass, which has none.
         """
-        angles = self._read(self._turning(place, fraction), fraction, self._angle)
+        angles = self._read(self._turning(place, fraction), fraction, self.whole_turns.angle)
         return np.asarray(angles - angles[:1])
 
     def rotation(self, body: str) -> Array:
@@ -248,7 +245,7 @@ class Solution:
         `velocity`.
         """
         check_plane(self.scene, "angles")
-        return self._read(self._turning(place, fraction), fraction, self._spin)
+        return self._read(self._turning(place, fraction), fraction, self._of_field("spin"))
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Section forces N, Q, M: those of the part of a beam beyond a section on the part before it.
@@ -277,7 +274,7 @@ class Solution:
         return self._read(place, fraction, self._section_force, 3)
 
     def reaction(self, joint: JointKind) -> Array:
-        """Force and moment of a joint on its first place, in fixed axes, (n, 3), N, N, N m.
+        """Force, N, and moment, N m, of a joint on its first place, in fixed axes, (n, 3), or (n, 6) in space.
 
         For a driven clamp the moment is the torque of its drive. Of a joint of several places that is grounded it is
         what the ground and the other places exert together; a pin of its own at one of these has the support's.
@@ -291,16 +288,8 @@ class Solution:
             If the solution does not have what reactions are found from: see
             `anctmm.results.internal_forces.reactions`.
         """
-        joints = self.scene.joints
-        same = [k for k, one in enumerate(joints) if one is joint] or [
-            k for k, one in enumerate(joints) if one == joint
-        ]
-        if not same:
-            raise UnknownNameError(
-                f"joint {shown(joint)} is not in scene {self.scene.name!r}; one of `scene.joints` is needed, which has "
-                f"{len(joints)}"
-            )
-        return self._reactions[same[0]].copy()
+        self._check_member("joint", joint, self.scene.joints)
+        return self._reactions[self.scene.joints.index(joint)].copy()
 
     def tension(self, connector: ConnectorKind) -> Array:
         """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,).
@@ -310,15 +299,11 @@ class Solution:
         UnknownNameError
             If the connector is not of the scene.
         """
-        if connector not in self.scene.connectors:
-            raise UnknownNameError(
-                f"connector {shown(connector)} is not in scene {self.scene.name!r}; one of `scene.connectors` is "
-                f"needed, which has {len(self.scene.connectors)}"
-            )
+        self._check_member("connector", connector, self.scene.connectors)
         return tension_of(self, cast(Connector, connector))
 
     def displacement(self, probe: Probe) -> Array:
-        """Displacements of a probe from its place at the first output, (n, 2), m."""
+        """Displacements of a probe from its place at the first output, (n, dim), m."""
         path = self.position(probe)
         return path - path[:1]
 
@@ -349,16 +334,15 @@ class Solution:
             return f"{place}.{fraction}"
         return place, fraction  # type: ignore[return-value]
 
-    def _angle(self, name: str, at: Any) -> Array:
-        return self.whole_turns.angle(self._with_angle(name), at)
+    def _of_field(self, what: str) -> Callable[[str, Any], Array]:
+        return lambda name, at: getattr(self.fields[name], what)(at)  # type: ignore[no-any-return]
 
-    def _spin(self, name: str, at: Any) -> Array:
-        return cast(Array, cast(Any, self.fields[self._with_angle(name)]).spin(at))
-
-    def _with_angle(self, name: str) -> str:
-        if isinstance(self.scene.body(name), PointMass):
-            raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
-        return name
+    def _check_member(self, what: str, thing: object, things: tuple[Any, ...]) -> None:
+        if thing not in things:
+            raise UnknownNameError(
+                f"{what} {shown(thing)} is not in scene {self.scene.name!r}; one of `scene.{what}s` is needed, which "
+                f"has {len(things)}"
+            )
 
     def _section_force(self, name: str, at: Any) -> Array:
         beam_of(self.scene.body(name))
@@ -366,12 +350,14 @@ class Solution:
 
     def _turning(self, place: Probe, fraction: Fractions | None) -> Probe:
         """A place that turns: a rigid body may be given by its name alone."""
-        bodies = self.scene.bodies
-        if fraction is None and any(isinstance(b, RigidBody) and b.name == place for b in bodies):
+        if fraction is None and any(isinstance(b, RigidBody) and b.name == place for b in self.scene.bodies):
             with suppress(UnknownNameError):  # a point of another body has that name, too
                 self.scene.place(place)
                 return place
             return f"{place}.{CENTER}"
+        name = place.removesuffix(f".{CENTER}") if isinstance(place, str) else ""
+        if any(isinstance(b, PointMass) and b.name == name for b in self.scene.bodies):
+            raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
         return place
 
     def until(self, outputs: int, status: Status) -> "Solution":

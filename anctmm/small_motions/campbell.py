@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.results.export.mode_pictures import plot_campbell
+from anctmm.results.export.pictures import plot_campbell
 from anctmm.small_motions.eigenvalues import grows
 from anctmm.small_motions.modes import modes
 from anctmm.validation import number, several, whole

@@ -21,8 +21,9 @@ from anctmm.small_motions.frames import GROUND, Frame
 from anctmm.system.acting import FOLLOWER
 from anctmm.system.assembled import assembled, coordinates_of
 from anctmm.system.body_meshes import RigidMesh
+from anctmm.system.calls import factorize_matrix, set_matrix
 from anctmm.system.elastic import stiffened
-from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
+from anctmm.system.equations import set_residual
 from anctmm.system.rows import REGULARISATION
 from anctmm.system.system import System
 
@@ -58,7 +59,7 @@ class SmallMotions:
         self.system, self.q, self.time, self.part, self.frame = system, q, time, part, frame
         self.spin = frame.spin
         inputs = system.inputs(np.array([time]))
-        self._given = inputs.signals[0], part * inputs.loads[0], inputs.free[0], time
+        self._inputs = inputs._replace(loads=part * inputs.loads)
         system.tables.acting.part[0] = part
         at = system.numbering.at
         #: Places of the free coordinates among the unknowns, and numbers of nodal vectors among them.
@@ -176,7 +177,7 @@ class SmallMotions:
     def _assemble(self, mass: float, stiffness: float, rate: float) -> None:
         system, still = self.system, np.zeros_like(self.q)
         set_matrix(
-            system.size, system.space, system.tables, self.q, still, *self._given, mass, stiffness, rate
+            system.size, system.space, system.tables, self.q, still, self._inputs, 0, mass, stiffness, rate
         )
 
     def _turning_forces(self) -> Sparse:
@@ -186,7 +187,7 @@ class SmallMotions:
             by_q, direction = self._form(acting.load_turns[n])
             (x, y), (c, s) = direction / np.hypot(*direction), acting.rest[n]
             turn = (c * x + s * y) * np.eye(2) + (c * y - s * x) * QUARTER_TURN
-            force = turn @ self._given[1][n]
+            force = turn @ self._inputs.loads[0, n]
             a = sparse.csr_matrix(-(QUARTER_TURN @ force) @ self._form(acting.load_form[n])[0])
             b = sparse.csr_matrix(QUARTER_TURN @ direction / (direction @ direction) @ by_q)
             found = found + 0.5 * (a.T @ b - b.T @ a)
@@ -207,7 +208,7 @@ class SmallMotions:
         """f + Ω² M (q − centre) − Jᵀλ of the free coordinates; rows have their J and values then."""
         system, force, still = self.system, np.empty_like(self.q), np.zeros_like(self.q)
         away = -(self.spin**2) * (self.q - self._centres()) if self.spin else still
-        set_residual(system.space, system.tables, self.q, still, away, *self._given, force)
+        set_residual(system.space, system.tables, self.q, still, away, self._inputs, 0, force)
         return system.tables.matrix.unknowns[self._free]
 
     def _centres(self) -> Array:

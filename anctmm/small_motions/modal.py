@@ -16,7 +16,7 @@ from anctmm.integrators.output import field_of
 from anctmm.model.bodies import Beam
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Probe, Scene
-from anctmm.results.export.mode_pictures import plot_shapes
+from anctmm.results.export.pictures import plot_shapes
 from anctmm.results.fields import RigidField, beam_field
 from anctmm.results.solution import Energy, Solution
 from anctmm.small_motions.eigenvalues import grows

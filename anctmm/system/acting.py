@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import UnsupportedError, shown
-from anctmm.kernels.options import inlined, part, thin
-from anctmm.kernels.scratch import call_address, matrix, vector
+from anctmm.kernels.intrinsics import by_address, call_number, matrix, vector
+from anctmm.kernels.options import inlined, part
 from anctmm.model.connectors import Connector, RotationalSpring, Spring, ends_of, name_of
 from anctmm.model.expressions import Vector
 from anctmm.model.loads import Force, LineLoad, Load, Torque, varies
@@ -34,6 +34,7 @@ SPRING, TURN = 0, 1
 DIFFERENCE = 1e-6
 
 
+@by_address
 class Forms(NamedTuple):
     """Vectors Σ A x + b, for kernels.
 
@@ -54,6 +55,7 @@ class Forms(NamedTuple):
     b: Array
 
 
+@by_address
 class Acting(NamedTuple):
     """Loads that vary and connectors, for kernels.
 
@@ -395,8 +397,8 @@ def free_measure(acting, n, free):  # type: ignore[no-untyped-def]
 def force_of(acting, n, x, rate, t):  # type: ignore[no-untyped-def]
     """Force of connector n at an elongation x and its rate."""
     if acting.law[n] != 0:
-        preload = 0.0 if acting.part[0] == 1.0 else call_address(acting.law[n], 0.0, 0.0, t)
-        return call_address(acting.law[n], x, rate, t) - (1.0 - acting.part[0]) * preload
+        preload = 0.0 if acting.part[0] == 1.0 else call_number(acting.law[n], 0.0, 0.0, t)
+        return call_number(acting.law[n], x, rate, t) - (1.0 - acting.part[0]) * preload
     return acting.numbers[n, 0] * x + acting.numbers[n, 1] * rate + acting.part[0] * acting.numbers[n, 2]
 
 
@@ -407,8 +409,8 @@ def slopes(acting, n, x, rate, t):  # type: ignore[no-untyped-def]
         return acting.numbers[n, 0], acting.numbers[n, 1]
     h, g = DIFFERENCE * max(abs(x), acting.unit[n]), DIFFERENCE * max(abs(rate), acting.unit[n])
     law = acting.law[n]
-    by_x = (call_address(law, x + h, rate, t) - call_address(law, x - h, rate, t)) / (2.0 * h)
-    by_rate = (call_address(law, x, rate + g, t) - call_address(law, x, rate - g, t)) / (2.0 * g)
+    by_x = (call_number(law, x + h, rate, t) - call_number(law, x - h, rate, t)) / (2.0 * h)
+    by_rate = (call_number(law, x, rate + g, t) - call_number(law, x, rate - g, t)) / (2.0 * g)
     return by_x, by_rate
 
 
@@ -442,9 +444,8 @@ def add_acting_tangents(
     acting: Acting,
     q: Array,
     v: Array,
-    values: Array,
-    free: Array,
-    t: float,
+    inputs: Any,
+    time: int,
     factor: float,
     rate_factor: float,
     flat: Array,
@@ -455,10 +456,11 @@ def add_acting_tangents(
     rate_factor: derivative of velocities by coordinates in a step, 1/s, by which damping adds to the stiffness.
     """
     own, mixed, other = matrix(space, space), matrix(space, space), matrix(space, space)
+    free, t = inputs.free[time], inputs.t[time]
     loads = len(acting.load_kind)
     for n in range(loads):
         if acting.load_kind[n] != DEAD:
-            _load_stiffness(space, acting, n, q, values[n], factor, own, mixed, other)
+            _load_stiffness(space, acting, n, q, inputs.loads[time, n], factor, own, mixed, other)
             add_forms(acting, n, acting.load_form[n], acting.load_turns[n], own, mixed, other, flat, size)
     for n in range(len(acting.kind)):
         _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, own, mixed, other)
@@ -553,7 +555,7 @@ def _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, o
             other[i, j] += k * b[i] * b[j]
 
 
-@thin
+@part
 def connector_energy(acting: Acting) -> float:
     """Energy of all connectors at the last evaluation, J."""
     total = 0.0
@@ -570,9 +572,8 @@ def remember(acting: Acting) -> None:
             acting.memory[n, k] = acting.now[n, k]
 
 
-@part
 def work_done(
-    space: tuple[int, ...], acting: Acting, moving: bool, q: Array, values: Array, free: Array, out: Array
+    space: tuple[int, ...], acting: Acting, moving: bool, q: Array, inputs: Any, time: int, out: Array
 ) -> None:
     """Add to out the work of loads and connectors beside their energies, and that of damping, J; if `moving`.
 
@@ -586,7 +587,7 @@ def work_done(
     remember(acting)
     force, place = vector(space), vector(space)
     for n in range(len(acting.load_kind)):
-        load_at(space, acting, n, q, values[n], force)
+        load_at(space, acting, n, q, inputs.loads[time, n], force)
         form_at(acting.forms, acting.load_form[n], q, place)
         for k in range(len(space)):
             if moving:
@@ -595,15 +596,13 @@ def work_done(
             acting.load_memory[0, n, k], acting.load_memory[1, n, k] = force[k], place[k]
 
 
-@part
 def power(
     space: tuple[int, ...],
     acting: Acting,
     q: Array,
     v: Array,
-    values: Array,
-    free: Array,
-    t: float,
+    inputs: Any,
+    time: int,
     out: Array,
 ) -> None:
     """Add to out the power of loads and connectors beside the rate of their energies, and that of damping, W.
@@ -611,6 +610,7 @@ def power(
     Of a connector: −N ṁ + dE/dt with dE/dt = (k x + preload) ẋ, and −½ [N(x, ẋ) − N(x, −ẋ)] ẋ.
     """
     a, b = vector(space), vector(space)
+    free, t = inputs.free[time], inputs.t[time]
     for n in range(len(acting.kind)):
         m = measure(space, acting, n, q, a, b)
         rate = measure_rate(space, acting, n, v, a, b)
@@ -624,7 +624,7 @@ def power(
         out[1] -= 0.5 * (force - force_of(acting, n, x, -change, t)) * change
         acting.now[n, 1] = m
     for n in range(len(acting.load_kind)):
-        load_at(space, acting, n, q, values[n], a)
+        load_at(space, acting, n, q, inputs.loads[time, n], a)
         form_rate(acting.forms, acting.load_form[n], v, b)
         for k in range(len(space)):
             out[0] += a[k] * b[k]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from anctmm.elements.compiled import MODULES, address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.kernels.intrinsics import by_address, call, call_number
 from anctmm.kernels.options import part
-from anctmm.kernels.scratch import call_element
 from anctmm.system.body_meshes import BeamMesh
 from anctmm.system.matrix import add
 from anctmm.system.mesh import Mesh
@@ -17,11 +17,16 @@ from anctmm.system.numbering import Numbering
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+#: As many zeros as vectors have components or blocks have rows: constants for the compiler.
+Zeros = tuple[int, ...]
 
 #: Columns of the addresses of kernels.
-FORCES, DAMPING, TANGENTS, ENERGY = 0, 1, 2, 3
+FORCES, DAMPING, TANGENTS, ENERGY = range(4)
+#: For kernels no literal, for which others would be compiled once more.
+ONE = np.int64(1)
 
 
+@by_address
 class Elements(NamedTuple):
     """Bodies as tables, for kernels.
 
@@ -48,6 +53,8 @@ class Elements(NamedTuple):
         As `pairs`, of the vectors of one node.
     buffer, tangents : ndarray
         Scratch of the element kernels.
+    entry : ndarray of int, shape (12, 12)
+        Where the entries of a tangent stand among those of the first element of a block.
     """
 
     first: Ints
@@ -64,6 +71,7 @@ class Elements(NamedTuple):
     node_pairs: Ints
     buffer: Array
     tangents: Array
+    entry: Ints
 
 
 def elements_of(numbering: Numbering) -> Elements:
@@ -85,8 +93,15 @@ def elements_of(numbering: Numbering) -> Elements:
         np.array([m.vectors for m in beams], dtype=np.int64),
         constants, constants.copy(), masses, np.array([m.element.damping for m in beams], dtype=float),
         _pairs(numbering, elements, 2 * mesh.slots), nodes, mass, _pairs(numbering, nodes, mesh.slots),
-        np.zeros(12 * BLOCK), np.zeros(TANGENT_BUFFER),
+        np.zeros(12 * BLOCK), np.zeros(TANGENT_BUFFER), _entries(),
     )  # fmt: skip
+
+
+def _entries() -> Ints:
+    """`Elements.entry`: lower triangles, row by row."""
+    row, column = np.indices((12, 12))
+    high, low = np.maximum(row, column), np.minimum(row, column)
+    return np.asarray((high * (high + 1) // 2 + low) * TANGENT_BLOCK)
 
 
 def stiffened(mesh: Mesh, elements: Elements, rate: float) -> None:
@@ -104,8 +119,8 @@ def stiffened(mesh: Mesh, elements: Elements, rate: float) -> None:
 def _addresses(mesh: BeamMesh) -> list[int]:
     """Addresses of the kernels of a beam's elements."""
     damped = bool(mesh.element.damping)
-    kinds = ("forces", "damping", "tangents", "energy")
-    return [address(_kernel_name(mesh), what) if what != "damping" or damped else 0 for what in kinds]
+    kinds = ("forces", "damping_forces", "tangents", "energy")
+    return [address(_kernel_name(mesh), what) if what != "damping_forces" or damped else 0 for what in kinds]
 
 
 def _kernel_name(mesh: BeamMesh) -> str:
@@ -167,9 +182,9 @@ def vector_masses(numbering: Numbering) -> Array:
 
 
 @part
-def take_forces(out, vectors, dim, first, count, f):  # type: ignore[no-untyped-def]
+def take_forces(space, out, vectors, first, count, f):  # type: ignore[no-untyped-def]
     """Take the forces of a row of elements from f, (rows, nodes): both nodes of each."""
-    for k in range(vectors * dim):
+    for k in range(vectors * len(space)):
         for j in range(count):
             f[k, first + j] -= out[k * BLOCK + j]
         for j in range(count):
@@ -177,53 +192,43 @@ def take_forces(out, vectors, dim, first, count, f):  # type: ignore[no-untyped-
 
 
 @part
-def subtract_elastic(elements: Elements, q: Array, dim: int, f: Array) -> None:
+def subtract_elastic(space: Zeros, elements: Elements, q: Array, f: Array) -> None:
     """Subtract the elastic forces, the gradient of the strain energy, from f, (rows, nodes)."""
     for b in range(len(elements.first)):
         done, first = 0, elements.first[b]
         while done < elements.number[b]:
             some = min(BLOCK, elements.number[b] - done)
-            call_element(
-                elements.kernels[b, FORCES],
-                q,
-                q,
-                first + done,
-                some,
-                elements.constants[b],
-                0.0,
-                elements.buffer,
-            )
-            take_forces(elements.buffer, elements.vectors[b], dim, first + done, some, f)
+            call(elements.kernels[b, FORCES], q, first + done, some, elements.constants[b], elements.buffer)
+            take_forces(space, elements.buffer, elements.vectors[b], first + done, some, f)
             done += some
 
 
 @part
-def subtract_damping(elements: Elements, q: Array, v: Array, dim: int, f: Array) -> None:
+def subtract_damping(space: Zeros, elements: Elements, q: Array, v: Array, f: Array) -> None:
     """Subtract the damping forces at velocities v from f."""
     for b in range(len(elements.first)):
         if elements.damping[b] > 0.0:
             done, first = 0, elements.first[b]
             while done < elements.number[b]:
                 some = min(BLOCK, elements.number[b] - done)
-                call_element(
-                    elements.kernels[b, DAMPING], q, v, first + done, some, elements.constants[b],
-                    elements.damping[b], elements.buffer,
-                )  # fmt: skip
-                take_forces(elements.buffer, elements.vectors[b], dim, first + done, some, f)
+                constants, time = elements.constants[b], elements.damping[b]
+                call(elements.kernels[b, DAMPING], q, v, first + done, some, constants, time, elements.buffer)
+                take_forces(space, elements.buffer, elements.vectors[b], first + done, some, f)
                 done += some
 
 
 @part
-def subtract_inertia(elements: Elements, w: Array, dim: int, f: Array) -> None:
+def subtract_inertia(space: Zeros, elements: Elements, w: Array, f: Array) -> None:
     """Subtract M w from f."""
     for b in range(len(elements.first)):
-        _row_inertia(elements.masses[b], w, elements.first[b], elements.number[b], dim, f)
+        _row_inertia(space, elements.masses[b], w, elements.first[b], elements.number[b], f)
     subtract_rigid_inertia(elements, w, f)
 
 
 @part
-def _row_inertia(m, w, first, count, dim, f):  # type: ignore[no-untyped-def]
+def _row_inertia(space, m, w, first, count, f):  # type: ignore[no-untyped-def]
     """Subtract the inertia of a row of elements."""
+    dim = len(space)
     slots = w.shape[0] // dim
     for s in range(slots):
         for t in range(slots):
@@ -251,35 +256,34 @@ def subtract_rigid_inertia(elements: Elements, w: Array, f: Array) -> None:
 
 @part
 def subtract_element(
-    elements: Elements, b: int, i: int, q: Array, v: Array, w: Array, dim: int, f: Array
+    space: Zeros, elements: Elements, b: int, i: int, q: Array, v: Array, w: Array, f: Array
 ) -> None:
     """Subtract elastic, damping and inertia forces of the element of beam b behind node i."""
     out, constants, vectors = elements.buffer, elements.constants[b], elements.vectors[b]
-    one = min(elements.number[b], 1)  # no literal, for which kernels would be compiled again
-    call_element(elements.kernels[b, FORCES], q, q, i, one, constants, 0.0, out)
-    take_forces(out, vectors, dim, i, one, f)
+    call(elements.kernels[b, FORCES], q, i, ONE, constants, out)
+    take_forces(space, out, vectors, i, ONE, f)
     if elements.damping[b] > 0.0:
-        call_element(elements.kernels[b, DAMPING], q, v, i, one, constants, elements.damping[b], out)
-        take_forces(out, vectors, dim, i, one, f)
-    _row_inertia(elements.masses[b], w, i, one, dim, f)
+        call(elements.kernels[b, DAMPING], q, v, i, ONE, constants, elements.damping[b], out)
+        take_forces(space, out, vectors, i, ONE, f)
+    _row_inertia(space, elements.masses[b], w, i, ONE, f)
 
 
 @part
-def add_mass(elements: Elements, dim: int, factor: float, flat: Array, size: int) -> None:
+def add_mass(size: Zeros, space: Zeros, elements: Elements, factor: float, flat: Array) -> None:
     """Add factor · M to the matrix."""
-    e = 0
-    for b in range(len(elements.first)):
-        vectors = elements.masses.shape[1]
-        for _ in range(elements.number[b]):
+    e, masses, pairs, number = 0, elements.masses, elements.pairs, elements.number
+    for b in range(len(number)):
+        for _ in range(number[b]):
             p = 0
-            for k in range(vectors):
+            for k in range(masses.shape[1]):
                 for m in range(k + 1):
-                    x = factor * elements.masses[b, k, m]
+                    x = factor * masses[b, k, m]
                     if x != 0.0:
-                        for c in range(dim):
-                            add(flat, size, elements.pairs[e, p], c, c, x)
+                        for c in range(len(space)):
+                            add(flat, len(size), pairs[e, p], c, c, x)
                     p += 1
             e += 1
+    dim = len(space)
     slots = elements.mass.shape[1] // dim
     for n in range(len(elements.nodes)):
         p = 0
@@ -288,44 +292,50 @@ def add_mass(elements: Elements, dim: int, factor: float, flat: Array, size: int
                 for c in range(dim):
                     for d in range(dim):
                         x = factor * elements.mass[n, k * dim + c, m * dim + d]
-                        add(flat, size, elements.node_pairs[n, p], c, d, x)
+                        add(flat, len(size), elements.node_pairs[n, p], c, d, x)
                 p += 1
 
 
 @part
-def add_tangent(elements: Elements, q: Array, dim: int, factor: float, flat: Array, size: int) -> None:
+def add_tangent(size: Zeros, space: Zeros, elements: Elements, q: Array, factor: float, flat: Array) -> None:
     """Add factor · K, with the damping of `stiffened`, to the matrix."""
-    e, slots, out = 0, elements.masses.shape[1] // 2, elements.tangents
+    e, out = 0, elements.tangents
     for b in range(len(elements.first)):
-        done, first = 0, elements.first[b]
+        done, first, vectors = 0, elements.first[b], elements.vectors[b]
         while done < elements.number[b]:
             some = min(TANGENT_BLOCK, elements.number[b] - done)
-            vectors = elements.vectors[b]
-            call_element(elements.kernels[b, TANGENTS], q, q, first + done, some, elements.stiff[b], 0.0, out)
+            call(elements.kernels[b, TANGENTS], q, first + done, some, elements.stiff[b], out)
             for j in range(some):
-                for k in range(2 * vectors):
-                    one = k if k < vectors else k - vectors + slots
-                    for m in range(k + 1):
-                        two = m if m < vectors else m - vectors + slots
-                        code = elements.pairs[e + j, one * (one + 1) // 2 + two]
-                        for c in range(dim):
-                            row = dim * k + c
-                            for d in range(dim):
-                                column = dim * m + d
-                                if column <= row:
-                                    at = row * (row + 1) // 2 + column
-                                else:
-                                    at = column * (column + 1) // 2 + row
-                                add(flat, size, code, c, d, factor * out[at * TANGENT_BLOCK + j])
+                place_tangent(size, space, elements, e + j, vectors, factor, j, flat)
             done += some
             e += some
 
 
 @part
-def kinetic_energy(elements: Elements, v: Array, dim: int, scratch: Array) -> float:
+def place_tangent(size, space, elements, e, vectors, factor, j, flat):  # type: ignore[no-untyped-def]
+    """Add the tangent of element e, number j of a block, to the matrix, by pairs of its vectors with their codes."""
+    dim, width, slots = len(space), len(size), elements.masses.shape[1] // 2
+    pairs, entry, out = elements.pairs, elements.entry, elements.tangents
+    for k in range(2 * vectors):
+        one = k if k < vectors else k - vectors + slots
+        for m in range(k + 1):
+            two = m if m < vectors else m - vectors + slots
+            code = pairs[e, one * (one + 1) // 2 + two]
+            at, stand = code >> 2, code & 3
+            if code >= 0 and stand != 1:
+                for c in range(dim):
+                    for d in range(dim):
+                        flat[at + width * c + d] += factor * out[entry[dim * k + c, dim * m + d] + j]
+            if code >= 0 and stand != 0:
+                for c in range(dim):
+                    for d in range(dim):
+                        flat[at + width * d + c] += factor * out[entry[dim * k + c, dim * m + d] + j]
+
+
+def kinetic_energy(space: tuple[int, ...], elements: Elements, v: Array, scratch: Array) -> float:
     """Kinetic energy at velocities v, J."""
     scratch[:] = 0.0
-    subtract_inertia(elements, v, dim, scratch)
+    subtract_inertia(space, elements, v, scratch)
     total = 0.0
     for k in range(v.shape[0]):
         for i in range(v.shape[1]):
@@ -333,14 +343,10 @@ def kinetic_energy(elements: Elements, v: Array, dim: int, scratch: Array) -> fl
     return total
 
 
-@part
 def strain_energy(elements: Elements, q: Array) -> float:
     """Strain energy of all elements, J."""
     total = 0.0
     for b in range(len(elements.first)):
-        call_element(
-            elements.kernels[b, ENERGY], q, q, elements.first[b], elements.number[b], elements.constants[b], 0.0,
-            elements.buffer,
-        )  # fmt: skip
-        total += elements.buffer[0]
+        first, number, constants = elements.first[b], elements.number[b], elements.constants[b]
+        total += call_number(elements.kernels[b, ENERGY], q, first, number, constants)
     return total

@@ -6,8 +6,7 @@ Blocks lie one after another, so that entry (k, m) of the matrix of a pair is si
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elimination.factor import solve
-from anctmm.kernels.options import inlined, kernel, part, thin
+from anctmm.kernels.options import inlined, kernel, part
 from anctmm.system.rows import Rows
 
 Array = NDArray[np.float64]
@@ -67,15 +66,6 @@ def augment(rows: Rows, at: Ints, x: Array) -> None:
                 x[to + k] += rows.weight[row] * rows.J[e, k] * x[rows.at[row]]
 
 
-@thin
-def solve_augmented(size, tables):  # type: ignore[no-untyped-def]
-    """Solve with the factored matrix, in place of the right-hand side in the unknowns."""
-    matrix = tables.matrix
-    if len(tables.rows.squares) > 0:
-        augment(tables.rows, matrix.at, matrix.unknowns)
-    solve(size, matrix.plan, matrix.values, matrix.x)
-
-
 @part
 def clear(flat: Array, size: int, padding: Ints) -> None:
     """Make a matrix zero, with ones in the place of unknowns of no meaning."""
@@ -86,7 +76,7 @@ def clear(flat: Array, size: int, padding: Ints) -> None:
 
 
 @kernel
-def gather(at: Ints, f: Array, dim: int, x: Array) -> None:
+def gather(space: tuple[int, ...], at: Ints, f: Array, x: Array) -> None:
     """Sum f, (rows of nodes, nodes), into the unknowns x, (unknowns,); known vectors are left out."""
     for k in range(len(x)):
         x[k] = 0.0
@@ -94,15 +84,15 @@ def gather(at: Ints, f: Array, dim: int, x: Array) -> None:
         for i in range(at.shape[1]):
             to = at[s, i]
             if to >= 0:
-                for k in range(dim):
-                    x[to + k] += f[s * dim + k, i]
+                for k in range(len(space)):
+                    x[to + k] += f[s * len(space) + k, i]
 
 
 @kernel
-def scatter(at: Ints, x: Array, dim: int, out: Array) -> None:
+def scatter(space: tuple[int, ...], at: Ints, x: Array, out: Array) -> None:
     """Give every vector of the nodes, out, its unknowns; known ones are zero."""
     for s in range(at.shape[0]):
         for i in range(at.shape[1]):
             of = at[s, i]
-            for k in range(dim):
-                out[s * dim + k, i] = x[of + k] if of >= 0 else 0.0
+            for k in range(len(space)):
+                out[s * len(space) + k, i] = x[of + k] if of >= 0 else 0.0

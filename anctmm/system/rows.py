@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.options import kernel, part
+from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.options import part
 from anctmm.model.expressions import Signal
 from anctmm.system.body_meshes import SpatialMesh
 from anctmm.system.numbering import Numbering
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@by_address
 class Rows(NamedTuple):
     """Tables of rows, for kernels; vectors as (node, first component), signals by number, 0 is the one that is 1.
 
@@ -71,6 +73,8 @@ class Rows(NamedTuple):
 
 #: δ of a row, over ΣJ²/(c m): large beside rounding, small beside what a correction by Newton's method mends.
 REGULARISATION = 1e-12
+#: Orders of derivatives; for kernels no literals, for which others would be compiled once more.
+FIRST, SECOND = np.int64(1), np.int64(2)
 
 
 def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Rows:
@@ -170,7 +174,6 @@ def _vectors(pairs: Ints, slots: int, dim: int) -> tuple[Ints, Ints]:
     return pairs[:, 1] * slots + pairs[:, 2] // dim, pairs[:, 3] * slots + pairs[:, 4] // dim
 
 
-@kernel
 def set_rows(rows: Rows, q: Array, signals: Array) -> float:
     """Values g of all rows at coordinates q and signals, (signals, 3); the largest of them."""
     g, dim = rows.g, rows.C.shape[1]
@@ -197,7 +200,6 @@ def set_rows(rows: Rows, q: Array, signals: Array) -> float:
     return largest
 
 
-@kernel
 def set_jacobian(rows: Rows, q: Array, signals: Array) -> None:
     """J at coordinates q."""
     J, dim = rows.J, rows.C.shape[1]
@@ -214,15 +216,20 @@ def set_jacobian(rows: Rows, q: Array, signals: Array) -> None:
             J[x, k] += signals[w, 0] * rows.c[t, k]
 
 
-@part
 def set_rates(rows: Rows, q: Array, v: Array, signals: Array) -> float:
     """Rates ġ = J v + ∂g/∂t in place of the values, with the J of `set_jacobian`; the largest of them."""
     multiply(rows, v)
-    add_time_parts(rows, q, v, signals, 1)
+    add_time_parts(rows, q, v, signals, FIRST)
     largest = 0.0
     for k in range(len(rows.g)):
         largest = max(largest, abs(rows.g[k]))
     return largest
+
+
+def set_accelerations(rows: Rows, q: Array, v: Array, w: Array, signals: Array) -> None:
+    """Second derivatives J w + … in place of the values, with the J of `set_jacobian`."""
+    multiply(rows, w)
+    add_time_parts(rows, q, v, signals, SECOND)
 
 
 @part
@@ -275,18 +282,16 @@ def add_row_forces(rows: Rows, f: Array) -> None:
             f[a + k, i] -= rows.J[e, k] * rows.multiplier[row]
 
 
-@part
 def drive_power(rows: Rows, q: Array, signals: Array) -> float:
     """Power of what drives rows, W: λ ∂g/∂t."""
     rows.g[:] = 0.0
-    add_time_parts(rows, q, q, signals, 1)
+    add_time_parts(rows, q, q, signals, FIRST)
     power = 0.0
     for k in range(len(rows.g)):
         power += rows.multiplier[k] * rows.g[k]
     return power
 
 
-@part
 def drive_work(rows: Rows, q: Array, signals: Array, moving: bool, memory: Array) -> float:
     """Work of what drives rows since the last call, J: mean force λ ∂g/∂w of each signal w times its change.
 

@@ -2,128 +2,29 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.elimination.order import Plan
 from anctmm.errors import shown
-from anctmm.kernels.options import inlined, part, thin
 from anctmm.model.connectors import Connector, free_name, free_of, name_of
 from anctmm.model.drives import tabulate
 from anctmm.model.expressions import Signal
 from anctmm.model.joints import Equation
 from anctmm.model.loads import load_text, varies, width_of
 from anctmm.model.scene import Scene
-from anctmm.system.acting import Acting, Writer, add_connectors, add_loads, dead_forces
+from anctmm.system.acting import Writer, dead_forces
 from anctmm.system.body_meshes import RigidMesh, SpatialMesh
-from anctmm.system.elastic import (
-    Elements,
-    elements_of,
-    subtract_damping,
-    subtract_elastic,
-    subtract_element,
-    subtract_rigid_inertia,
-    vector_masses,
-)
+from anctmm.system.calls import FUNCTIONS, addresses_of
+from anctmm.system.elastic import elements_of, vector_masses
 from anctmm.system.mesh import GroundPlace, JointPlace, Mesh
 from anctmm.system.numbering import Numbering
-from anctmm.system.rows import Rows, add_row_forces, rows_of
+from anctmm.system.rows import rows_of
+from anctmm.system.tables import Driven, Inputs, Matrix, Tables
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class Matrix(NamedTuple):
-    """The matrix and the unknowns, for kernels.
-
-    Parameters
-    ----------
-    plan : Plan
-    values, flat : ndarray, shape (blocks + entries, rows, rows), and the same as a vector
-        The matrix, or its factors.
-    x, unknowns : ndarray, shape (blocks, rows), and the same as a vector
-        Right-hand side and solution.
-    at : ndarray of int, shape (slots, nodes)
-        Place of each vector in the unknowns, −1 of a known one.
-    padding : ndarray of int
-        Unknowns of no meaning.
-    """
-
-    plan: Plan
-    values: Array
-    flat: Array
-    x: Array
-    unknowns: Array
-    at: Ints
-    padding: Ints
-
-
-class Driven(NamedTuple):
-    """Vectors that drives prescribe, for kernels: Σ w b.
-
-    Parameters
-    ----------
-    node, component : ndarray of int, shape (n,)
-    start : ndarray of int, shape (n + 1,)
-        Where the terms of each begin.
-    signal : ndarray of int, shape (terms,)
-    b : ndarray, shape (terms, dim)
-    beam, element : ndarray of int, shape (k,)
-        Elements next to driven nodes: their beam, and their first node.
-    """
-
-    node: Ints
-    component: Ints
-    start: Ints
-    signal: Ints
-    b: Array
-    beam: Ints
-    element: Ints
-
-
-class Tables(NamedTuple):
-    """What kernels need of a scene.
-
-    Parameters
-    ----------
-    elements, rows, acting, matrix, driven
-    dead : ndarray, shape (rows of nodes, nodes)
-        Gravity and constant forces, N.
-    damped : ndarray of int, shape (2,)
-        Whether forces depend on velocities, and whether those of materials do.
-    """
-
-    elements: Elements
-    rows: Rows
-    acting: Acting
-    matrix: Matrix
-    driven: Driven
-    dead: Array
-    damped: Ints
-
-
-class Inputs(NamedTuple):
-    """What is given at each of n times.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        s.
-    signals : ndarray, shape (n, signals, 3)
-        Value, rate and acceleration of each; number 0 is always 1.
-    loads : ndarray, shape (n, loads, dim)
-        Values of the loads that vary.
-    free : ndarray, shape (n, connectors, 2)
-        Free lengths and angles, and their rates.
-    """
-
-    t: Array
-    signals: Array
-    loads: Array
-    free: Array
 
 
 class System:
@@ -222,10 +123,12 @@ class System:
         damped = (
             elements.damping.any() or acting.numbers[:, 1].any() or acting.law.any() or self._drives_lengths
         )
-        return Tables(
+        tables = Tables(
             elements, rows, acting, matrix, self._driven(), dead_forces(mesh, self.scene.loads),
-            np.array([bool(damped), elements.damping.any()], dtype=np.int64),
+            np.array([bool(damped), elements.damping.any()], dtype=np.int64), np.zeros(len(FUNCTIONS), np.int64),
         )  # fmt: skip
+        tables.calls[:] = addresses_of(self.size, self.space, tables)
+        return tables
 
     @property
     def _drives_lengths(self) -> bool:
@@ -294,62 +197,3 @@ class System:
 
 def _at_zero(w: Signal) -> Array:
     return w.at(tabulate(w.name, w.history, np.zeros(1), 3).T)[:, 0]
-
-
-@inlined
-def place_driven(driven, signals, q, v, w):  # type: ignore[no-untyped-def]
-    """Give driven vectors their positions, velocities and accelerations."""
-    for n in range(len(driven.node)):
-        i, a = driven.node[n], driven.component[n]
-        for k in range(driven.b.shape[1]):
-            x, rate, acceleration = 0.0, 0.0, 0.0
-            for t in range(driven.start[n], driven.start[n + 1]):
-                b = driven.b[t, k]
-                x += signals[driven.signal[t], 0] * b
-                rate += signals[driven.signal[t], 1] * b
-                acceleration += signals[driven.signal[t], 2] * b
-            q[a + k, i], v[a + k, i], w[a + k, i] = x, rate, acceleration
-
-
-@thin
-def set_forces(
-    space: tuple[int, ...], tables: Tables, q: Array, v: Array, loads: Array, free: Array, t: float, f: Array
-) -> None:
-    """All forces at q and v but inertia and those of the rows, (rows, nodes)."""
-    for k in range(f.shape[0]):
-        for i in range(f.shape[1]):
-            f[k, i] = tables.dead[k, i]
-    add_loads(space, tables.acting, q, loads, f)
-    add_connectors(space, tables.acting, q, v, free, t, f)
-    if tables.damped[1] != 0:
-        subtract_damping(tables.elements, q, v, len(space), f)
-    subtract_elastic(tables.elements, q, len(space), f)
-
-
-@part
-def set_reactions(
-    space: tuple[int, ...],
-    tables: Tables,
-    q: Array,
-    v: Array,
-    w: Array,
-    loads: Array,
-    free: Array,
-    t: float,
-    f: Array,
-) -> None:
-    """Make f the forces that drives exert on driven vectors; elsewhere it means nothing."""
-    elements, driven, dim = tables.elements, tables.driven, len(space)
-    for k in range(f.shape[0]):
-        for i in range(f.shape[1]):
-            f[k, i] = tables.dead[k, i]
-    add_loads(space, tables.acting, q, loads, f)
-    add_connectors(space, tables.acting, q, v, free, t, f)
-    for n in range(len(driven.beam)):
-        b, i = driven.beam[n], driven.element[n]
-        subtract_element(elements, b, i, q, v, w, dim, f)
-    subtract_rigid_inertia(elements, w, f)
-    add_row_forces(tables.rows, f)
-    for k in range(f.shape[0]):
-        for i in range(f.shape[1]):
-            f[k, i] = -f[k, i]

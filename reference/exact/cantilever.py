@@ -1,4 +1,4 @@
-"""The static problem that all rod models here solve: a cantilever under dead loads."""
+"""The static problem that all rod models here solve: a cantilever under dead loads, and its arc under a moment."""
 
 from dataclasses import dataclass
 
@@ -60,3 +60,13 @@ class Cantilever:
         """Position before the loads, (2,), m."""
         along = self.length * fraction * np.array([np.cos(self.angle), np.sin(self.angle)])
         return np.asarray(self.start) + along
+
+
+def moment_arc(length: float, bending: float, moment: float, fraction: float) -> Array:
+    """Position on a cantilever along x under an end moment, (2,), m.
+
+    There is no force, so neither stretch nor shear: a circle of curvature M/EI, for every rod model here.
+    """
+    turn = positive("length (m)", length) * number("moment (N m)", moment)
+    half = 0.5 * fraction * turn / positive("bending (N m²)", bending)
+    return length * fraction * float(np.sinc(half / np.pi)) * np.array([np.cos(half), np.sin(half)])

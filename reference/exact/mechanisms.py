@@ -1,18 +1,12 @@
-"""Mechanisms of rigid bodies with known motion: closed forms, and minimal equations of motion, integrated to round-off.
+"""A double pendulum of rigid bodies by its two angles, integrated to round-off."""
 
-None of them uses the bodies' natural coordinates: the unknowns are angles.
-"""
-
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anctmm.model.connectors import RotationalSpring, Spring
-from anctmm.model.joints import Slider
-from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.scene import Pin, Point, Scene
 
 Array = NDArray[np.float64]
@@ -58,7 +52,9 @@ class OffsetDoublePendulum:
 
     def angles(self, t: Array) -> Array:
         """Turns of both bodies since t = 0, (n, 2), rad."""
-        return _integrated(self._rates, [0.0, 0.0, *self.spins], t)[:, :2]
+        start, span = [0.0, 0.0, *self.spins], (0.0, float(t[-1]))
+        found = solve_ivp(self._rates, span, start, "DOP853", t_eval=t, rtol=TOLERANCE, atol=TOLERANCE)
+        return np.asarray(found.y[:2].T)
 
     def tip(self, t: Array) -> Array:
         """Path of "two.tip", (n, 2), m."""
@@ -87,65 +83,5 @@ class OffsetDoublePendulum:
         return np.concatenate([w, np.linalg.solve(mass, right)])
 
 
-@dataclass(frozen=True)
-class Oscillator:
-    """A mass on a line, or a body about a hinge, on a spring with a damper: x'' + 2 ζ ω x' + ω² x = 0.
-
-    Parameters
-    ----------
-    inertia : float
-        kg or kg m².
-    stiffness, damping : float
-        N/m and N s/m, or N m/rad and N m s/rad; less than critically damped.
-    speed : float
-        At t = 0, from where the spring is free, m/s or rad/s.
-    """
-
-    inertia: float = 0.5
-    stiffness: float = 80.0
-    damping: float = 0.9
-    speed: float = 1.3
-
-    def mass_on_a_line(self) -> Scene:
-        """A point mass "m" on a slider."""
-        mass = PointMass("m", self.inertia, (0.0, 0.0), (self.speed, 0.0))
-        spring = Spring("m.center", (-1.0, 0.0), stiffness=self.stiffness, damping=self.damping)
-        return Scene("mass on a line", (mass,), (Slider("m.center"),), connectors=(spring,))
-
-    def torsion_pendulum(self) -> Scene:
-        """A rigid body "b" hinged beside its centre, whose inertia about the hinge is the oscillator's."""
-        arm, mass = 0.2, 1.5
-        speed = (0.0, self.speed * arm)
-        body = RigidBody(
-            "b", mass, self.inertia - mass * arm**2, (arm, 0.0), {"o": (0.0, 0.0)}, speed, self.speed
-        )
-        spring = RotationalSpring("b.o", stiffness=self.stiffness, damping=self.damping)
-        return Scene("torsion pendulum", (body,), (Pin("b.o"),), connectors=(spring,))
-
-    def motion(self, t: Array) -> Array:
-        """x at times, (n,), m or rad."""
-        decay = self.damping / (2.0 * self.inertia)
-        frequency = np.sqrt(self.stiffness / self.inertia - decay**2)
-        return np.asarray(self.speed / frequency * np.exp(-decay * t) * np.sin(frequency * t))
-
-
-def slider_crank(crank: float, rod: float, angle: Array) -> Array:
-    """Distance of the slider from the crank's hinge, m, at angles of the crank from the slider's line, rad.
-
-    Parameters
-    ----------
-    crank, rod : float
-        Lengths, m; the rod is the longer one.
-    angle : ndarray
-    """
-    return np.asarray(crank * np.cos(angle) + np.sqrt(rod**2 - (crank * np.sin(angle)) ** 2))
-
-
 def _point(z: complex) -> Point:
     return z.real, z.imag
-
-
-def _integrated(rates: Callable[[float, Array], Array], start: list[float], t: Array) -> Array:
-    span = (0.0, float(t[-1]))
-    found = solve_ivp(rates, span, start, "DOP853", t_eval=t, rtol=TOLERANCE, atol=TOLERANCE)
-    return np.asarray(found.y.T)

@@ -121,11 +121,6 @@ class RodShape:
         """Bending moment EI θ', N m."""
         return float(self.bending_moment(fraction))
 
-    def normal_and_shear_force(self, fraction: float) -> tuple[float, float]:
-        """N and V in the section's frame, N."""
-        N, V = _in_frame(self.problem.internal_force(np.array([fraction])), np.array([self.angle(fraction)]))
-        return float(N[0]), float(V[0])
-
     @property
     def strain_energy(self) -> float:
         """∫ ½ N²/EA + ½ V²/GA + ½ M²/EI ds, J."""
@@ -152,16 +147,7 @@ class RodShape:
 def solve_rod(problem: Cantilever, rigidity: Rigidity) -> RodShape:
     """Stable equilibrium of a cantilever rod on the branch that starts at the unloaded rod.
 
-    Parameters
-    ----------
-    problem : Cantilever
-        Length and loads.
-    rigidity : Rigidity
-        `Rigidity.euler_bernoulli` for the extensible elastica, `Rigidity.timoshenko` for Reissner's rod.
-
-    Returns
-    -------
-    RodShape
+    `Rigidity.euler_bernoulli` makes it the extensible elastica, `Rigidity.timoshenko` Reissner's rod.
 
     Raises
     ------

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import SceneError, unknown_kind
+from anctmm.errors import SceneError
 from anctmm.model.bodies import beam_of
-from anctmm.model.loads import LOADS, LineLoad
 from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, checked_scene
 from anctmm.results.solution import Energy, Solution
 from anctmm.validation import one_of
@@ -36,43 +35,35 @@ def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
     SceneError
         If it is none, naming what is in the way.
     """
+
+    def refused(what: str) -> SceneError:
+        return SceneError(
+            f"scene {scene.name!r} has {what}; a cantilever under constant loads has an exact static"
+        )
+
     if len(checked_scene(scene).bodies) != 1:
         names = ", ".join(repr(b.name) for b in scene.bodies)
-        raise SceneError(
-            f"scene {scene.name!r} has {len(scene.bodies)} bodies ({names}); one has an exact static"
-        )
+        raise refused(f"{len(scene.bodies)} bodies ({names})")
     if scene.connectors:
-        raise SceneError(f"scene {scene.name!r} has {scene.connectors[0]!r}; none has an exact static")
+        raise refused(repr(scene.connectors[0]))
     beam = beam_of(scene.bodies[0])
-    expected = Clamp(f"{beam.name}.start")
-    if scene.joints != (expected,):
-        raise SceneError(
-            f"scene {scene.name!r} has the joints {scene.joints!r}; ({expected!r},) has an exact static"
-        )
+    if scene.joints != (Clamp(f"{beam.name}.start"),):
+        raise refused(f"the joints {scene.joints!r}, not ({Clamp(f'{beam.name}.start')!r},)")
     force, moment = np.zeros(2), 0.0
     for load in scene.loads:
         if callable(load.value):
-            raise SceneError(
-                f"load {load!r} of scene {scene.name!r} varies in time; a constant one is needed"
-            )
-        match load:
-            case Force(follower=True) | LineLoad():
-                raise SceneError(
-                    f"{load!r} of scene {scene.name!r} has no exact static; Force and Torque on the end have"
-                )
-            case Force() | Torque() if scene.place(load.end).interior:
-                raise SceneError(
-                    f"{load!r} of scene {scene.name!r} acts between the ends; Force and Torque on the end have "
-                    f"an exact static"
-                )
-            case Force() | Torque() if scene.place(load.end).key == 0:
-                pass
-            case Force():
-                force += load.value
-            case Torque():
-                moment += load.value
-            case _:
-                raise unknown_kind("load", load, LOADS)
+            raise refused(f"the load {load!r}, which varies in time")
+        if not isinstance(load, Force | Torque) or (isinstance(load, Force) and load.follower):
+            raise refused(repr(load))
+        place = scene.place(load.end)
+        if place.interior:
+            raise refused(f"{load!r} between the ends")
+        if place.key == 0:
+            continue  # it goes into the ground
+        if isinstance(load, Force):
+            force += load.value
+        else:
+            moment += load.value
     weight = beam.material.density * beam.section.area * np.asarray(scene.gravity)
     return beam, Cantilever(
         beam.length, (force[0], force[1]), moment, (weight[0], weight[1]), beam.start, beam.angle
@@ -90,17 +81,10 @@ def cantilever_static(scene: Scene, model: str = "elastica") -> Shape:
         "elastica" (extensible, Euler-Bernoulli), "reissner" (with shear, factor 1) or "director" (the
         continuum of the paper's shear-deformable element).
 
-    Returns
-    -------
-    RodShape or DirectorShape
-        With `.position(fraction)`, `.angle(fraction)`, `.strain_energy` and `.uncertainty`.
-
     Raises
     ------
     SceneError
         If there is no exact solution for such a scene.
-    UnknownOptionError
-        If the model is unknown.
     SolverError
         If the loads lead past a limit point.
     """

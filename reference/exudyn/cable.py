@@ -51,10 +51,8 @@ def solve(
     Parameters
     ----------
     scene : Scene
-        Beams joined in any way: chains, trees, loops, several components.
     run : Discretisation, optional
-        Or its fields as keywords. "generalized-alpha" with fixed steps. `newton_tolerance` is not used: Exudyn bounds
-        residuals.
+        Or its fields as keywords. `newton_tolerance` is not used: Exudyn bounds residuals.
     tolerances : (float, float), optional
         Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
         1e-9 or what rounding leaves, if that is more.
@@ -74,16 +72,9 @@ def solve(
 def solve_static(
     scene: Scene, run: Discretisation | None = None, *, load_steps: int = 10, **options: Any
 ) -> Solution:
-    """Equilibrium of a scene by Exudyn with cables; `t` of the solution are load factors.
+    """Equilibrium of a scene by Exudyn with cables, loads and drives as they are at t = 0.
 
-    Parameters
-    ----------
-    scene : Scene
-        Loads and drives as they are at t = 0.
-    run : Discretisation, optional
-        Or its fields as keywords; mesh and quadrature are used.
-    load_steps : int
-        Equal steps of the load; Exudyn takes smaller ones where Newton fails.
+    `t` of the solution are load factors; `load_steps` equal steps of the load, smaller ones where Newton fails.
     """
     return Cables(scene, discretise(run, options), True, parts_of_load(load_steps)).solution()
 
@@ -95,8 +86,6 @@ class Cables(ExudynAdapter):
     name: ClassVar[str] = "exudyn-cable"
     offer: ClassVar[Offer] = OFFER
     width: ClassVar[int] = 4
-    kind: ClassVar[str] = "cable"
-    constant_torques: ClassVar[bool] = False
 
     def solution(self) -> Solution:
         """The answer, with the element that was used, by which forces are found from it."""
@@ -104,18 +93,15 @@ class Cables(ExudynAdapter):
         return found if found.run is None else replace(found, run=replace(found.run, element="cable"))
 
     def reference(self, body: Beam) -> Array:
-        """Reference coordinates, (nodes, 4)."""
         places, _ = nodes_of(body, self.counts[body.name])
         along = (np.array(body.end) - body.start) / body.length
         return np.column_stack([places, np.tile(along, (len(places), 1))])
 
     def velocity(self, body: Beam) -> Array:
-        """Velocities at t = 0, (nodes, 4)."""
         count = self.counts[body.name]
         return np.column_stack([nodes_of(body, count)[1], slopes_of(body, count)])
 
     def spin(self, body: Beam, rate: float) -> Array:
-        """Velocity of a gradient that turns."""
         return np.array([0.0, 0.0, -rate * sin(body.angle), rate * cos(body.angle)])
 
     def uniform(self, body: Beam, force: Array) -> Array:
@@ -127,13 +113,11 @@ class Cables(ExudynAdapter):
         return forces
 
     def inside(self, body: Beam, fraction: float) -> tuple[int, float]:
-        """Exudyn counts from the element's start."""
         count = self.counts[body.name]
         index = min(int(fraction * count), count - 1)
         return index, (fraction * count - index) * self.length(body)
 
     def add(self, model: Model, body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
-        """Add a body's nodes and elements."""
         items, material, section = model.items, body.material, body.section
         nodes = [
             model.mbs.AddNode(items.NodePoint2DSlope1(referenceCoordinates=q, initialVelocities=v))
@@ -168,6 +152,5 @@ class Cables(ExudynAdapter):
         }
 
     def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> HermiteField:
-        """Motion of a body's axis."""
         shape = (*coordinates.shape[:2], 2, 2)
         return HermiteField(coordinates.reshape(shape), body.length, *(kept.reshape(shape) for kept in rates))

@@ -1,43 +1,44 @@
-"""Joints in Exudyn: its own where it has them, else equations between two nodes that Python evaluates.
+"""Joints in Exudyn: hinges, guides and welds of rigid bodies are its own, what drives them is set at each step.
 
-Hinges, guides and welds of rigid bodies are Exudyn's, with whatever drives them set at the beginning of each step. Its
-joints fix the direction of a cable's end but not its stretch: where a cable is welded to a rigid body the whole
-gradient is fixed by equations, as in the other solvers, and so are driven welds of beams (`needs_equations`).
+Its joints fix the direction of a cable's end but not its stretch: where a cable is welded to a rigid body the whole
+gradient is fixed by equations in Python, as in the other solvers, and so are driven welds of beams (`needs_equations`).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import atan2, cos, sin
+from math import cos, sin
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.errors import UnsupportedError, shown
 from anctmm.model.drives import Quintic
 from anctmm.model.joints import Guide, Joint, Prismatic, Slider, drive_of, unknown_joint
 from anctmm.model.places import Place
-from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Beam, Clamp, Pin, Scene, Weld
 from reference.exudyn.model import Model, angle_of, axes
 
 Array = NDArray[np.float64]
 
-#: Turn by +90°.
-QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
-
 
 def needs_equations(scene: Scene, joint: Joint) -> bool:
     """Whether Python is called in the iteration because of a joint."""
-    bodies = [scene.place(end).body for end in joint.places]
-    beams = [isinstance(body, Beam) for body in bodies]
-    match joint:
-        case Weld():
-            return any(beams) and not (all(beams) and joint.angle is None)
-        case Slider() | Prismatic() if joint.body is not None:
-            return isinstance(bodies[0], PointMass) or (isinstance(joint, Prismatic) and beams[0])
-        case _:
-            return False
+    beams = [isinstance(scene.place(end).body, Beam) for end in joint.places]
+    return isinstance(joint, Weld) and any(beams) and not (all(beams) and joint.angle is None)
+
+
+def refuse_guides(scene: Scene) -> None:
+    """Refuse, by UnsupportedError, guides of moving bodies for which Exudyn has no joint."""
+    for joint in scene.joints:
+        if isinstance(joint, Guide) and joint.body is not None:
+            body = scene.place(joint.places[0]).body
+            if isinstance(body, PointMass) or (isinstance(joint, Prismatic) and isinstance(body, Beam)):
+                raise UnsupportedError(
+                    f"{shown(joint)} guides {body.name!r} on a moving body; Exudyn has no joint for that: a rigid "
+                    f"body, or the slider of a beam, is allowed"
+                )
 
 
 def add_joint(model: Model, joint: Joint) -> None:
@@ -145,10 +146,7 @@ def _weld(model: Model, one: Place, two: Place, history: Array | None) -> None:
         turns = None if history is None else np.array([axes(angle) for angle in history])
         _set_at_steps(model, item, "rotationMarker0", turns)
     else:
-        first, second = frame_of(model, one), frame_of(model, two)
-        add_equations(
-            model, first, second, coincide(first, second), aligned(first, second, _at(model, history))
-        )
+        _weld_by_equations(model, one, two, _at(model, history))
 
 
 def _weld_beams(model: Model, one: Place, two: Place) -> None:
@@ -174,21 +172,10 @@ def _guide(model: Model, guide: Guide, place: Place, history: Array | None) -> N
     """A place on a line of the ground or of a rigid body."""
     body = None if guide.body is None else model.scene.body(guide.body)
     assert body is None or isinstance(body, RigidBody)  # seen by the scene
-    rigid = isinstance(place.body, RigidBody)
-    if body is None and not rigid:
+    if body is None and not isinstance(place.body, RigidBody):
         _guide_of_node(model, guide, place, history)
-    elif rigid or not needs_equations(model.scene, guide):
-        _native_guide(model, guide, place, body, history)
     else:
-        assert body is not None  # only then equations are needed
-        one, two = frame_of(model, Place(body, CENTER)), frame_of(model, place)
-        one = replace(one, arm=np.array(place.position) - body.center)
-        parts = [
-            on_line(one, two, np.array(guide.direction), None if history is None else _at(model, history))
-        ]
-        if isinstance(guide, Prismatic):
-            parts.append(aligned(one, two, lambda t: 0.0))
-        add_equations(model, one, two, *parts)
+        _native_guide(model, guide, place, body, history)
 
 
 def _native_guide(
@@ -236,99 +223,19 @@ def _at(model: Model, history: Array | None) -> Callable[[float], float]:
     return lambda t: float(history[min(round(t / model.run.exact_dt), len(history) - 1)])
 
 
-# --- equations between two nodes ------------------------------------------------------------------------------
+# --- welds by equations -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Frame:
-    """What joins to a node: a point that moves with it, and a direction, by its coordinates (…, width).
-
-    Parameters
-    ----------
-    node : int
-    kind : str
-        "cable": coordinates x, y and a gradient; "turning": x, y and an angle; "point": x and y.
-    arm : ndarray, shape (2,)
-        Offset of the point from the node in the reference, of one that turns, m.
-    direction : ndarray, shape (2,)
-        In the reference; of a cable its gradient.
-    angle : float
-        Angle coordinate in the reference, rad.
-    """
-
-    node: Any
-    kind: str
-    arm: Array
-    direction: Array
-    angle: float = 0.0
-
-    @property
-    def width(self) -> int:
-        """Number of its coordinates."""
-        return {"cable": 4, "turning": 3, "point": 2}[self.kind]
-
-    def position(self, q: Array) -> Array:
-        """Position, (…, 2), m."""
-        return q[..., :2] + turned(self.arm, q[..., 2] - self.angle) if self.kind == "turning" else q[..., :2]
-
-    def gradient(self, q: Array) -> Array:
-        """Direction, of a cable with its stretch, (…, 2)."""
-        return q[..., 2:] if self.kind == "cable" else turned(self.direction, q[..., 2] - self.angle)
-
-
-Equations = Callable[[float, Array, Array], Array]
-"""(t, coordinates of the one node, of the other) → residuals (…, n)."""
-
-
-def frame_of(model: Model, place: Place) -> Frame:
-    """A place with the coordinates of its node."""
-    node, body, angle = model.node_at(place), place.body, angle_of(place)
-    kind, arm = model.beams.kind, np.zeros(2)
-    if isinstance(body, PointMass):
-        kind = "point"
-    elif isinstance(body, RigidBody):
-        kind, arm = "turning", np.array(body.arm(str(place.key)))
-    return Frame(node, kind, arm, np.array([cos(angle), sin(angle)]), angle)
-
-
-def coincide(one: Frame, two: Frame) -> Equations:
-    """Both points at one place."""
-    return lambda t, p, q: two.position(q) - one.position(p)
-
-
-def aligned(one: Frame, two: Frame, turn: Callable[[float], float]) -> Equations:
-    """The second direction is the first, turned as in the reference and by an angle of time."""
-    (a, b), (x, y) = one.direction, two.direction
-    between = atan2(a * y - b * x, a * x + b * y)
-
-    def equations(t: float, p: Array, q: Array) -> Array:
-        if "cable" in (one.kind, two.kind):
-            return two.gradient(q) - turned(one.gradient(p), turn(t) + between)
-        return (q[..., 2] - two.angle - p[..., 2] + one.angle - turn(t))[..., None]
-
-    return equations
-
-
-def on_line(body: Frame, place: Frame, along: Array, position: Callable[[float], float] | None) -> Equations:
-    """A place on a line of a body through that body's point, at a position of time along it if there is one."""
-
-    def equations(t: float, p: Array, q: Array) -> Array:
-        apart = turned(
-            place.position(q) - body.position(p), body.angle - p[..., 2]
-        )  # in the axes of the body
-        across = apart @ (QUARTER @ along)
-        return np.stack([across] if position is None else [across, apart @ along - position(t)], axis=-1)
-
-    return equations
-
-
-def add_equations(model: Model, one: Frame, two: Frame, *parts: Equations) -> None:
-    """Add equations between two nodes as one of Exudyn's constraints; their derivative is found by complex steps."""
-    width, items = one.width, model.items
-    steps = 1e-30j * np.eye(one.width + two.width)
+def _weld_by_equations(model: Model, one: Place, two: Place, turn: Callable[[float], float]) -> None:
+    """Positions and directions as one of Exudyn's constraints; its derivative is found by complex steps."""
+    (node, width, first), (other, more, second) = (_end(model, place) for place in (one, two))
+    between, steps, cables = angle_of(two) - angle_of(one), 1e-30j * np.eye(width + more), 4 in (width, more)
 
     def residuals(t: float, q: Array) -> Array:
-        return np.concatenate([part(t, q[..., :width], q[..., width:]) for part in parts], axis=-1)
+        (r, d), (s, e) = first(q[..., :width]), second(q[..., width:])
+        wanted = turned(d, turn(t) + between)
+        across = wanted[..., :1] * e[..., 1:] - wanted[..., 1:] * e[..., :1]
+        return np.concatenate([s - r, e - wanted if cables else across], axis=-1)
 
     def value(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Array:
         return residuals(t, np.asarray(q, dtype=float))
@@ -336,17 +243,29 @@ def add_equations(model: Model, one: Frame, two: Frame, *parts: Equations) -> No
     def slope(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Array:
         return np.ascontiguousarray(residuals(t, np.asarray(q, dtype=float) + steps).imag.T / 1e-30)
 
-    count = len(residuals(0.0, np.ones(one.width + two.width)))
-    markers = [items.MarkerNodeCoordinates(nodeNumber=frame.node) for frame in (one, two)]
+    items, count = model.items, 4 if cables else 3
+    markers = [
+        model.mbs.AddMarker(items.MarkerNodeCoordinates(nodeNumber=number)) for number in (node, other)
+    ]
     model.mbs.AddObject(
         items.ObjectConnectorCoordinateVector(
-            markerNumbers=[model.mbs.AddMarker(marker) for marker in markers],
-            scalingMarker0=np.zeros((count, one.width)),
-            scalingMarker1=np.zeros((count, two.width)),
+            markerNumbers=markers,
+            scalingMarker0=np.zeros((count, width)),
+            scalingMarker1=np.zeros((count, more)),
             constraintUserFunction=value,
             jacobianUserFunction=slope,
         )
     )
+
+
+def _end(model: Model, place: Place) -> tuple[Any, int, Callable[[Array], tuple[Array, Array]]]:
+    """Node, number of its coordinates, and its position and direction by these, of a cable with its stretch."""
+    node, body, angle = model.node_at(place), place.body, angle_of(place)
+    if isinstance(body, Beam) and model.beams.width == 4:
+        return node, 4, lambda q: (q[..., :2], q[..., 2:])
+    arm = np.zeros(2) if isinstance(body, Beam) else np.array(body.arm(str(place.key)))
+    start = np.array([cos(angle), sin(angle)])
+    return node, 3, lambda q: (q[..., :2] + turned(arm, q[..., 2] - angle), turned(start, q[..., 2] - angle))
 
 
 def turned(vector: Array, angle: Any) -> Array:

@@ -40,46 +40,33 @@ class Beams(Protocol):
 
     width: ClassVar[int]
     """Coordinates of a node."""
-    kind: ClassVar[str]
-    """What they are: of a `reference.exudyn.equations.Frame`."""
-    constant_torques: ClassVar[bool]
-    """Whether the generalized force of a torque does not depend on the coordinates."""
 
     def reference(self, body: Beam) -> Array:
         """Reference coordinates, (nodes, width)."""
-        ...
 
     def velocity(self, body: Beam) -> Array:
         """Velocities of the coordinates at t = 0 as the body has them, (nodes, width); joints may change them."""
-        ...
 
     def spin(self, body: Beam, rate: float) -> Array:
         """Velocities of the coordinates of a node at rest that turns with a rate (rad/s), (width,)."""
-        ...
 
     def uniform(self, body: Beam, force: Array) -> Array:
         """Consistent forces of a force along the whole body, per length (N/m), (nodes, width)."""
-        ...
 
     def inside(self, body: Beam, fraction: float) -> tuple[int, float]:
         """Element at a fraction of a body, and the place in it as Exudyn counts it."""
-        ...
 
     def add(self, model: "Model", body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
         """Add a body's nodes, with their velocities at t = 0, and elements; both from its start to its end."""
-        ...
 
     def welded(self, angle: float) -> Array:
         """Matrix that takes coordinates of a node into those of one that is turned by an angle, (width, width)."""
-        ...
 
     def turned(self, body: Beam) -> dict[int, Callable[[Any, Any], Any]]:
         """Displacement of every coordinate a turning clamp drives, by (angle, module with sin and cos)."""
-        ...
 
     def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> Field:
         """Motion of a body's axis; `coordinates` (n, nodes, width) and their rates, as far as known, are absolute."""
-        ...
 
 
 def load_exudyn() -> Any:

@@ -50,24 +50,17 @@ def solve(
     newton: str = "modified",
     **options: Any,
 ) -> Solution:
-    """Motion of a scene by Exudyn with Reissner beams.
+    """Motion of a scene by Exudyn with Reissner beams; what is not named here as for `exudyn_cable.solve`.
 
     Parameters
     ----------
-    scene : Scene
-    run : Discretisation, optional
-        Or its fields as keywords, as for `exudyn_cable.solve`; `element` and `quadrature` are not used.
+    scene, run
+        `element` and `quadrature` are not used.
     order : int
         1: two nodes and one Gauss point an element; 2: three nodes and two points.
     shear_factor : float
         k of the shear stiffness kGA; 1 is what the paper's element tends to.
     tolerances, newton
-        As for `exudyn_cable.solve`.
-
-    Returns
-    -------
-    Solution
-        With status "unsupported" where Exudyn cannot do the scene.
     """
     own: Any = {"order": order, "shear_factor": shear_factor, "tolerances": tolerances, "newton": newton}
     return ReissnerBeams(scene, discretise(run, options), **own).solution()
@@ -83,19 +76,7 @@ def solve_static(
     shear_factor: float = 1.0,
     **options: Any,
 ) -> Solution:
-    """Equilibrium of a scene by Exudyn with Reissner beams; `t` of the solution are load factors.
-
-    Parameters
-    ----------
-    scene : Scene
-        Loads and drives as they are at t = 0.
-    run : Discretisation, optional
-        Or its fields as keywords; its mesh is used.
-    load_steps : int
-        Equal steps of the load; Exudyn takes smaller ones where Newton fails.
-    order, shear_factor
-        As for `solve`.
-    """
+    """Equilibrium of a scene by Exudyn with Reissner beams, as by `exudyn_cable.solve_static`."""
     own: Any = {"order": order, "shear_factor": shear_factor}
     return ReissnerBeams(scene, discretise(run, options), True, parts_of_load(load_steps), **own).solution()
 
@@ -109,8 +90,6 @@ class ReissnerBeams(ExudynAdapter):
     name: ClassVar[str] = "exudyn-reissner"
     offer: ClassVar[Offer] = OFFER
     width: ClassVar[int] = 3
-    kind: ClassVar[str] = "turning"
-    constant_torques: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,7 +98,6 @@ class ReissnerBeams(ExudynAdapter):
         self.shear_factor = positive("shear_factor", self.shear_factor, DiscretisationError)
 
     def reference(self, body: Beam) -> Array:
-        """Reference coordinates, (nodes, 3)."""
         places, _ = nodes_of(body, self.order * self.counts[body.name])
         return np.column_stack([places, np.full(len(places), body.angle)])
 
@@ -130,11 +108,9 @@ class ReissnerBeams(ExudynAdapter):
         return np.column_stack([nodes_of(body, intervals)[1], slopes_of(body, intervals) @ normal])
 
     def spin(self, body: Beam, rate: float) -> Array:
-        """The rate of the angle."""
         return np.array([0.0, 0.0, rate])
 
     def uniform(self, body: Beam, force: Array) -> Array:
-        """Consistent forces of a force per length, (nodes, 3), N."""
         nodal = np.zeros(self.order * self.counts[body.name] + 1)
         for k, share in enumerate(WEIGHT[self.order]):
             nodal[k : len(nodal) - self.order + k : self.order] += share
@@ -145,7 +121,6 @@ class ReissnerBeams(ExudynAdapter):
         raise AssertionError(f"no place at {fraction} of {body.name!r}")
 
     def add(self, model: Model, body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
-        """Add a body's nodes and elements."""
         items, section, material = model.items, body.section, body.material
         nodes = [
             model.mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=q, initialVelocities=v))
@@ -172,10 +147,8 @@ class ReissnerBeams(ExudynAdapter):
         return np.eye(3)
 
     def turned(self, body: Beam) -> dict[int, Any]:
-        """The angle itself."""
         return {2: lambda angle, m: angle}
 
     def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> LagrangeField:
-        """Motion of a body's axis."""
         velocities = rates[0][..., :2] if rates else None
         return LagrangeField(coordinates[..., :2], self.order, velocities, coordinates[..., 2])

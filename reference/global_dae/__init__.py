@@ -42,9 +42,8 @@ def solve(
         Or its parameters as keywords.
     linear_algebra : str
         Of scenes that the compiled solver has. "sparse-factored-once": the constant matrix of explicit steps is
-        factored once, that of Newton's iteration only when it converges slowly, by sparse LU. "dense-refactor": a dense
-        matrix is assembled and solved by LAPACK at each explicit step and each Newton iteration, as the paper's
-        ordinary ANCF does.
+        factored once, that of Newton's iteration only when it converges slowly. "dense-refactor": a dense matrix is
+        solved by LAPACK at each step and each Newton iteration, as the paper's ordinary ANCF does.
 
     Returns
     -------
@@ -84,27 +83,20 @@ def solve_plain(scene: Scene, run: Discretisation | None = None, **options: Any)
 def solve_static(
     scene: Scene, run: Discretisation | None = None, *, load_steps: int = 1, **options: Any
 ) -> Solution:
-    """Equilibrium of a scene under gravity and the loads of t = 0, by Newton's iteration with multipliers.
+    """Equilibrium of a scene under gravity and the loads of t = 0; parameters and errors as of `solve`.
 
     Parameters
     ----------
-    scene : Scene
-    run : Discretisation, optional
-        Or its parameters as keywords; mesh, element, quadrature and newton_tolerance matter.
+    scene, run
+        Mesh, element, quadrature and newton_tolerance matter.
     load_steps : int
         Equal parts of the load whose equilibria are kept; parts that Newton does not reach are halved as needed.
 
     Returns
     -------
     Solution
-        `t` holds the load factors; `energy.potential` is that of the whole dead load, `energy.strain` of a connector
-        the integral of its force at that load factor over its elongation. Equilibria that are not stable make the
-        status "unstable" or "singular", as in `anctmm.solve_static`.
-
-    Raises
-    ------
-    DiscretisationError
-        Or one of its kinds, as in `solve`.
+        `t` holds the load factors. Equilibria that are not stable make the status "unstable" or "singular", as in
+        `anctmm.solve_static`.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     check_memory(_offered(scene), run, SPARSE, outputs=load_steps + 1)
@@ -125,17 +117,16 @@ def _motion(
     scene: Scene, run: Discretisation, solver: str, dense: bool = False, plain: bool = False
 ) -> Solution:
     # here, and not above: to see what is offered takes no SciPy
-    from reference.global_dae.explicit import Zhai
-    from reference.global_dae.implicit import Esdirk, GeneralizedAlpha
+    from reference.global_dae.integrators import Esdirk, GeneralizedAlpha, Zhai
     from reference.global_dae.layout import Layout
     from reference.global_dae.rival import Rival, has
     from reference.global_dae.stability import check_step
     from reference.global_dae.system import System
 
     marchers = {"zhai": Zhai, "generalized-alpha": GeneralizedAlpha, "esdirk": Esdirk}
-    system = System(Layout(scene, run))
     if run.integrator not in marchers:
         raise unknown_option("integrator", run.integrator, INTEGRATORS)
+    system = System(Layout(scene, run))
     if run.explicit and run.check_stability:
         check_step(system)
     if not plain and has(system):

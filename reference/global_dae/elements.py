@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from anctmm.elements.compiled import MODULES, address
+from anctmm.elements.compiled import MODULES, SIGNATURES, address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
-from anctmm.kernels.scratch import call_element
+from anctmm.kernels.intrinsics import call, call_number
 from reference.global_dae.kernels import inlined, kernel
 from reference.global_dae.layout import Layout, Mesh
 
@@ -23,17 +23,16 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Matrix = sparse.csc_array
 
-#: Columns of the addresses of kernels.
-KERNELS = ("forces", "damping", "tangents", "energy")
-FORCES, DAMPING, TANGENTS, ENERGY = range(len(KERNELS))
+#: Columns of the addresses of kernels, in the order of `SIGNATURES`.
+FORCES, DAMPING, TANGENTS, ENERGY = range(4)
 
 
 class Elements(NamedTuple):
     """Runs of equal elements, of a beam at most BLOCK each.
 
-    kernels: addresses, (runs, 4), 0 where there is no damping. first, counts, vectors: first coordinate, number of
-    elements and vectors of a node, (runs,). constants: of the kernels; stiff: the same with the stiffness of Newton's
-    matrix. damping, (runs,), s. q, v: of the nodes of a run, (components, nodes); out: what a kernel has found.
+    kernels: addresses, (runs, 4). first, counts, vectors: first coordinate, number of elements and vectors of a node,
+    (runs,). constants: of the kernels; stiff: the same with the stiffness of Newton's matrix. damping, (runs,), s.
+    q, v: of the nodes of a run, (components, nodes); out: what a kernel has found.
     """
 
     kernels: Ints
@@ -51,28 +50,24 @@ class Elements(NamedTuple):
 def elements_of(meshes: Sequence[Mesh], by_velocity: float) -> Elements:
     """The elements of beams for the kernels; `by_velocity` (1/s) is ∂v/∂q of the steps, which stiffens damped ones."""
     runs = [(mesh, e) for mesh in meshes for e in range(0, mesh.elements, BLOCK)]
-    stiff = [
-        mesh.element.stiffened(1.0 + by_velocity * mesh.element.damping, stresses=False) for mesh, _ in runs
-    ]
-    return Elements(  # type: ignore[call-arg]
-        np.array([_addresses(mesh) for mesh, _ in runs], dtype=np.int64).reshape(-1, len(KERNELS)),
+    own, stiff = list[Array](), list[Array]()
+    for mesh, _ in runs:
+        element, constants = mesh.element, MODULES[mesh.kind.name].constants
+        own.append(constants(element))
+        stiff.append(constants(element.stiffened(1.0 + by_velocity * element.damping, stresses=False)))
+    kernels = [[address(mesh.kind.name, name) for name in SIGNATURES] for mesh, _ in runs]
+    return Elements(
+        np.array(kernels, dtype=np.int64).reshape(-1, len(SIGNATURES)),
         np.array([mesh.number(e, 0) for mesh, e in runs], dtype=np.int64),
         np.array([min(BLOCK, mesh.elements - e) for mesh, e in runs], dtype=np.int64),
         np.array([mesh.vectors for mesh, _ in runs], dtype=np.int64),
-        _table([MODULES[mesh.kind.name].constants(mesh.element) for mesh, _ in runs]),
-        _table([MODULES[mesh.kind.name].constants(e) for (mesh, _), e in zip(runs, stiff, strict=True)]),
-        np.array([mesh.element.damping for mesh, _ in runs], dtype=float),
-        *np.zeros((2, 6, BLOCK + 1)),
-        np.zeros(TANGENT_BUFFER),
-    )
-
-
-def _addresses(mesh: Mesh) -> list[int]:
-    damped = bool(mesh.element.damping)
-    return [address(mesh.kind.name, what) if what != "damping" or damped else 0 for what in KERNELS]
+        _table(own), _table(stiff), np.array([mesh.element.damping for mesh, _ in runs], dtype=float),
+        np.zeros((6, BLOCK + 1)), np.zeros((6, BLOCK + 1)), np.zeros(TANGENT_BUFFER),
+    )  # fmt: skip
 
 
 def _table(rows: list[Array]) -> Array:
+    """Rows of different lengths, filled with zeros."""
     found = np.zeros((len(rows), max(map(len, rows), default=1)))
     for line, row in zip(found, rows, strict=True):
         line[: len(row)] = row
@@ -85,7 +80,7 @@ def forces(e: Elements, q: Array, f: Array) -> None:
     f[:] = 0.0
     for run in range(len(e.first)):
         arrange(e, run, q, e.q)
-        call_element(e.kernels[run, FORCES], e.q, e.q, 0, e.counts[run], e.constants[run], 0.0, e.out)
+        call(e.kernels[run, FORCES], e.q, 0, e.counts[run], e.constants[run], e.out)
         add(e, run, f)
 
 
@@ -97,9 +92,8 @@ def damping_forces(e: Elements, q: Array, v: Array, f: Array) -> None:
         if e.damping[run] > 0.0:
             arrange(e, run, q, e.q)
             arrange(e, run, v, e.v)
-            call_element(
-                e.kernels[run, DAMPING], e.q, e.v, 0, e.counts[run], e.constants[run], -e.damping[run], e.out
-            )
+            constants, time = e.constants[run], -e.damping[run]
+            call(e.kernels[run, DAMPING], e.q, e.v, 0, e.counts[run], constants, time, e.out)
             add(e, run, f)
 
 
@@ -111,7 +105,7 @@ def add_tangents(e: Elements, q: Array, places: Ints, data: Array) -> None:
         arrange(e, run, q, e.q)
         for first in range(0, e.counts[run], TANGENT_BLOCK):
             count = min(TANGENT_BLOCK, e.counts[run] - first)
-            call_element(e.kernels[run, TANGENTS], e.q, e.q, first, count, e.stiff[run], 0.0, e.out)
+            call(e.kernels[run, TANGENTS], e.q, first, count, e.stiff[run], e.out)
             for j in range(count):
                 for k in range(4 * e.vectors[run]):
                     for m in range(4 * e.vectors[run]):
@@ -127,8 +121,7 @@ def strain_energies(e: Elements, series: Array, found: Array) -> None:
         found[n] = 0.0
         for run in range(len(e.first)):
             arrange(e, run, series[n], e.q)
-            call_element(e.kernels[run, ENERGY], e.q, e.q, 0, e.counts[run], e.constants[run], 0.0, e.out)
-            found[n] += e.out[0]
+            found[n] += call_number(e.kernels[run, ENERGY], e.q, 0, e.counts[run], e.constants[run])
 
 
 @inlined
@@ -157,7 +150,6 @@ class Beams:
 
     def __init__(self, layout: Layout) -> None:
         self.size, self.meshes = layout.size, list(layout.meshes.values())
-        self.damped = any(mesh.element.damping for mesh in self.meshes)
         self.elements = cache(lambda by_velocity: elements_of(self.meshes, by_velocity))
         self.at = [
             mesh.number(e, 0) + np.arange(4 * mesh.vectors)
@@ -189,9 +181,8 @@ class Beams:
 
     def damping(self, q: Array, v: Array) -> Array:
         """Damping forces of the materials, which act on the bodies: they work against v."""
-        f = np.zeros(self.size)
-        if self.damped:
-            damping_forces(self.elements(0.0), q, v, f)
+        f = np.empty(self.size)
+        damping_forces(self.elements(0.0), q, v, f)
         return f
 
     def tangent(self, q: Array, by_velocity: float = 0.0) -> Matrix:

@@ -2,7 +2,7 @@
 
 A connector measures a length or an angle s; with the tension N(s, s', t) its force is −N ∇s. Under a part f of the
 load (statics) it pulls by N(s) − (1 − f) N(placed): the reference is an equilibrium at f = 0. The energy stored at f is
-the integral of that force over the elongation s − free from the free length on. All other loads act by f times theirs.
+the integral of that force from the free length placed + f (free − placed) on. All other loads act by f times theirs.
 """
 
 from collections.abc import Sequence
@@ -28,14 +28,6 @@ Parts = tuple[Array, Array, Array]
 STEP = 1e-6
 
 
-class Effort(NamedTuple):
-    """What work is summed up from: forces, and the values that they work along with the rates of these."""
-
-    forces: Array
-    values: Array
-    rates: Array
-
-
 class ForceElement:
     """What acts on vectors: their values are x, (k, 2), and the rates y."""
 
@@ -45,9 +37,9 @@ class ForceElement:
         """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
         raise NotImplementedError
 
-    def effort(self, x: Array, y: Array, t: float) -> Effort:
-        """What its work is summed up from."""
-        raise NotImplementedError
+    def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
+        """Power of what has no potential, and the part of damping in it, W."""
+        return float(self.evaluate(x, y, t)[0] @ y.ravel()), 0.0
 
     def accept(self, x: Array) -> None:
         """Accept a state: whole turns are counted from here."""
@@ -67,26 +59,23 @@ class Distance:
         across = (np.eye(2) - np.outer(n, n)) / length
         return length, np.concatenate([-n, n]), np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), across)
 
-    def accept(self, x: Array) -> None:
-        """A length has no memory."""
+    def accept(self, x: Array) -> None:  # a length has no memory
+        pass
 
 
 class Angle:
     """Rotation of a direction since the reference x, less that of another if there are two, rad, with whole turns."""
 
     def __init__(self, x: Array) -> None:
-        self.signs = [1.0, -1.0][: len(x)]
-        self.start, self.last = self._direction(x), 0.0
+        self.start, self.last = _direction(x), 0.0
 
     def __call__(self, x: Array) -> tuple[float, Array, Array]:
         """Value, gradient (2k,) and second derivatives (2k, 2k)."""
         gradient, second = np.zeros(2 * len(x)), np.zeros((2 * len(x),) * 2)
-        for k, (sign, (a, b)) in enumerate(zip(self.signs, x, strict=True)):
-            own, s = slice(2 * k, 2 * k + 2), a * a + b * b
-            gradient[own] = sign / s * np.array([-b, a])
-            second[own, own] = (
-                sign / (s * s) * np.array([[2.0 * a * b, b * b - a * a], [b * b - a * a, -2.0 * a * b]])
-            )
+        for k, sign in enumerate((1.0, -1.0)[: len(x)]):
+            own = slice(2 * k, 2 * k + 2)
+            by_x, by_xx = turning(x[k])
+            gradient[own], second[own, own] = sign * by_x, sign * by_xx
         return self._value(x), gradient, second
 
     def accept(self, x: Array) -> None:
@@ -94,12 +83,20 @@ class Angle:
         self.last = self._value(x)
 
     def _value(self, x: Array) -> float:
-        turn = float(np.angle(self._direction(x) / self.start))
+        turn = float(np.angle(_direction(x) / self.start))
         return turn + 2.0 * pi * round((self.last - turn) / (2.0 * pi))
 
-    def _direction(self, x: Array) -> complex:
-        found = complex(*x[0]) * (complex(*x[1]).conjugate() if len(x) == 2 else 1.0)
-        return found / abs(found)
+
+def turning(x: Array) -> tuple[Array, Array]:
+    """Gradient (2,) and second derivatives (2, 2) of the angle of a vector."""
+    (a, b), s = x, x @ x
+    mixed, difference = 2.0 * a * b, b * b - a * a
+    return np.array([-b, a]) / s, np.array([[mixed, difference], [difference, -mixed]]) / (s * s)
+
+
+def _direction(x: Array) -> complex:
+    found = complex(*x[0]) * (complex(*x[1]).conjugate() if len(x) == 2 else 1.0)
+    return found / abs(found)
 
 
 # --- connectors -------------------------------------------------------------------------------------------------
@@ -131,14 +128,13 @@ class ConnectorForce(ForceElement):
         else:
             places = [second, first] if isinstance(second, Place) else [first]
             self.vectors = [layout.direction(place) for place in places]
-            self.measure = Angle(self._placed(layout))
-        self.placed = self.measure(self._placed(layout))[0]
+            self.measure = Angle(layout.placed(self.vectors))
+        self.placed = self.measure(layout.placed(self.vectors))[0]
         self.size = self.placed if isinstance(connector, Spring) else 1.0
         at_rest = self._pull(self.placed, 0.0, 0.0)
         self.unloaded = at_rest.stored + (at_rest.lost if connector.law is not None else 0.0)
 
     def evaluate(self, x: Array, y: Array, t: float, factor: float = 1.0) -> Parts:
-        """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
         s, gradient, second = self.measure(x)
         rates = y.ravel()
         pull = self._pull(s, float(gradient @ rates), t)
@@ -152,33 +148,21 @@ class ConnectorForce(ForceElement):
         """Energy stored, J: the integral of the force at a part of the load over the elongation."""
         s = self.measure(x)[0]
         pull = self._pull(s, 0.0, t)
-        return pull.energy - (1.0 - factor) * self.unloaded * (s - pull.free)
+        free = self.placed + factor * (pull.free - self.placed)
+        at_free = self._pull(free, 0.0, t)
+        return pull.energy - at_free.energy - (1.0 - factor) * self.unloaded * (s - free)
 
-    def effort(self, x: Array, y: Array, t: float) -> Effort:
-        """What its work is summed up from: that of the free length, and of what stores nothing."""
-        s, rate, pull = self._state(x, y, t)
-        forces, rates = np.array([-pull.lost, -pull.stored]), np.array([rate, pull.free_rate])
-        return Effort(forces, np.array([s, pull.free]), rates)
-
-    def resistance(self, x: Array, y: Array, t: float) -> Effort:
-        """The part of the force that changes its sign with the rate of elongation, and the elongation."""
-        s, rate, pull = self._state(x, y, t)
-        back = self._pull(s, 2.0 * pull.free_rate - rate, t)
-        parts = 0.5 * (back.lost - pull.lost), s - pull.free, rate - pull.free_rate
-        return Effort(*(np.array([part]) for part in parts))
-
-    def accept(self, x: Array) -> None:
-        """Accept a state."""
-        self.measure.accept(x)
-
-    def _placed(self, layout: Layout) -> Array:
-        return np.array([vector(layout.reference) for vector in self.vectors])
-
-    def _state(self, x: Array, y: Array, t: float) -> tuple[float, float, Pull]:
-        """Length or angle, its rate, and the pull there."""
+    def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
+        """That of the free length and of what stores nothing; damping changes its sign with the rate."""
         s, gradient, _ = self.measure(x)
         rate = float(gradient @ y.ravel())
-        return s, rate, self._pull(s, rate, t)
+        pull = self._pull(s, rate, t)
+        back = self._pull(s, 2.0 * pull.free_rate - rate, t)
+        damping = 0.5 * (back.lost - pull.lost) * (rate - pull.free_rate)
+        return -pull.lost * rate - pull.stored * pull.free_rate, damping
+
+    def accept(self, x: Array) -> None:
+        self.measure.accept(x)
 
     def _pull(self, s: float, rate: float, t: float) -> Pull:
         c = self.connector
@@ -201,16 +185,33 @@ class ConnectorForce(ForceElement):
 
 
 class LoadForce(ForceElement):
-    """One load."""
+    """One load: on a place, on a direction that a moment turns, or on both, of a force that turns with the direction.
 
-    def __init__(self, load: Load, *vectors: Vector) -> None:
-        self.load, self.vectors = load, vectors
-        self.name, self.width = load_text(load), width_of(load)
+    The place of a line load is the mean of the beam times its length.
+    """
+
+    def __init__(self, layout: Layout, load: Load) -> None:
+        self.load, self.name, self.width = load, load_text(load), width_of(load)
+        self.torque = isinstance(load, Torque)
+        self.follower = isinstance(load, Force) and load.follower
+        match load:
+            case LineLoad(body=name):
+                self.vectors = [layout.mean(name)]
+            case Force(end=end) | Torque(end=end):
+                place = layout.scene.place(end)
+                where, direction = layout.position(place), layout.direction(place)
+                self.vectors = (
+                    [direction] if self.torque else [where, direction] if self.follower else [where]
+                )
+                start = direction(layout.reference)
+                self.start = start / np.hypot(*start)
+            case _:
+                raise unknown_kind("load", load, LOADS)
 
     @property
     def dead(self) -> bool:
         """Whether it has a potential."""
-        return isinstance(self, PointForce) and not callable(self.load.value)
+        return not (self.torque or self.follower or callable(self.load.value))
 
     def value(self, t: float) -> Array:
         """Value of the load at a time."""
@@ -218,87 +219,17 @@ class LoadForce(ForceElement):
             return value_at(self.name, self.load.value, t, self.width)
         return np.atleast_1d(np.asarray(self.load.value, dtype=float))
 
-
-class PointForce(LoadForce):
-    """A force that keeps its direction, on a linear place: of a point, or the mean of a beam times its length."""
-
     def evaluate(self, x: Array, y: Array, t: float, factor: float = 1.0) -> Parts:
-        """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
-        return factor * self.value(t), np.zeros((2, 2)), np.zeros((2, 2))
-
-    def effort(self, x: Array, y: Array, t: float) -> Effort:
-        """What its work is summed up from."""
-        return Effort(self.value(t), x[0], y[0])
-
-
-class Follower(LoadForce):
-    """A force on a place (first vector) that turns with a direction (second)."""
-
-    def __init__(self, load: Force, place: Vector, direction: Vector, start: Array) -> None:
-        super().__init__(load, place, direction)
-        self.start = start / np.hypot(*start)
-
-    def evaluate(self, x: Array, y: Array, t: float, factor: float = 1.0) -> Parts:
-        """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
-        u, size = self._unit(x)
-        by_x, components = np.zeros((4, 4)), factor * self._components(t)
+        F = factor * self.value(t)
+        if self.torque:
+            gradient, second = turning(x[0])
+            return F[0] * gradient, -F[0] * second, np.zeros((2, 2))
+        if not self.follower:
+            return F, np.zeros((2, 2)), np.zeros((2, 2))
+        size = float(np.hypot(*x[1]))
+        u = x[1] / size
+        # the force as a matrix on the unit vector that turns: along it and across it as in the reference
+        components = (F @ self.start) * np.eye(2) + (F @ QUARTER @ self.start) * QUARTER
+        by_x = np.zeros((4, 4))
         by_x[:2, 2:] = -components @ (np.eye(2) - np.outer(u, u)) / size
         return np.concatenate([components @ u, np.zeros(2)]), by_x, np.zeros((4, 4))
-
-    def effort(self, x: Array, y: Array, t: float) -> Effort:
-        """What its work is summed up from."""
-        return Effort(self._components(t) @ self._unit(x)[0], x[0], y[0])
-
-    def _components(self, t: float) -> Array:
-        """F as a matrix on the unit vector that turns: along it and across it as in the reference."""
-        F = self.value(t)
-        return np.asarray((F @ self.start) * np.eye(2) + (F @ QUARTER @ self.start) * QUARTER)
-
-    def _unit(self, x: Array) -> tuple[Array, float]:
-        size = float(np.hypot(*x[1]))
-        return x[1] / size, size
-
-
-class Moment(LoadForce):
-    """A moment on the direction of a place."""
-
-    def __init__(self, load: Torque, direction: Vector, start: Array) -> None:
-        super().__init__(load, direction)
-        self.angle = Angle(start[None])
-
-    def evaluate(self, x: Array, y: Array, t: float, factor: float = 1.0) -> Parts:
-        """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
-        _, gradient, second = self.angle(x)
-        moment = factor * float(self.value(t)[0])
-        return moment * gradient, -moment * second, np.zeros((2, 2))
-
-    def effort(self, x: Array, y: Array, t: float) -> Effort:
-        """What its work is summed up from."""
-        angle, gradient, _ = self.angle(x)
-        return Effort(self.value(t), np.array([angle]), np.array([gradient @ y[0]]))
-
-    def accept(self, x: Array) -> None:
-        """Accept a state."""
-        self.angle.accept(x)
-
-
-def loads_of(layout: Layout) -> list[LoadForce]:
-    """All loads of a scene."""
-    found: list[LoadForce] = []
-    for load in layout.scene.loads:
-        if isinstance(load, LineLoad):
-            found.append(PointForce(load, layout.mean(load.body)))
-            continue
-        if not isinstance(load, Force | Torque):
-            raise unknown_kind("load", load, LOADS)
-        place = layout.scene.place(load.end)
-        if isinstance(load, Force) and not load.follower:
-            found.append(PointForce(load, layout.position(place)))
-            continue
-        direction = layout.direction(place)
-        start = direction(layout.reference)
-        if isinstance(load, Force):
-            found.append(Follower(load, layout.position(place), direction, start))
-        else:
-            found.append(Moment(load, direction, start))
-    return found

@@ -86,14 +86,14 @@ class JointRows:
         rigid = [place is None or self.layout.is_rigid(place) for place in (one, two)]
         alone = free or all(rigid)
         seconds = [self.layout.direction(two)] if alone or rigid[1] else self.layout.gradients(two)
-        if one is None:
-            firsts = [Vector.fixed(self._placed(second)) for second in seconds]
-        else:
+        firsts = [Vector.fixed(self._placed(second)) for second in seconds]
+        if one is not None:
             firsts = [self.layout.direction(one)] if alone or rigid[0] else self.layout.gradients(one)
-        if one is not None and not any(rigid) and len(firsts) != len(seconds):
+        if not any(rigid) and len(firsts) != len(seconds):
+            names = [place.body.name for place in self.places]
+            of = [f"{name!r} of element {self.layout.meshes[name].kind.name!r}" for name in names]
             raise DiscretisationError(
-                f"{shown(self.joint)} joins {self._element(one)} to {self._element(two)}; one element kind is needed "
-                f"on all sides of a weld"
+                f"{shown(self.joint)} joins {' to '.join(of)}; one element kind is needed on all sides of a weld"
             )
         turned = self.drive is not None
         for k in range(max(len(firsts), len(seconds))):
@@ -103,10 +103,6 @@ class JointRows:
                 yield Row((Term(second, QUARTER @ turn, first, turned),), drive=self.drive)
             else:
                 yield from self._equal(second, first, turn, turned)
-
-    def _element(self, place: Place) -> str:
-        name = place.body.name
-        return f"{name!r} of element {self.layout.meshes[name].kind.name!r}"
 
     def _guided(self, guide: Guide) -> Iterator[Row]:
         """A place on its line and, driven, at its position on it."""

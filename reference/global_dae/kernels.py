@@ -14,7 +14,7 @@ import numba
 from anctmm.kernels import options
 
 #: Modules with kernels.
-SOURCES = ("elements.py", "kernels.py", "lu.py", "steps.py")
+SOURCES = ("elements.py", "factors.py", "kernels.py", "steps.py")
 _sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in SOURCES)
 DIRECTORY = f"{options.DIRECTORY}-{hashlib.sha256(_sources).hexdigest()[:16]}"
 
@@ -27,11 +27,6 @@ def kernel(function: Callable[..., Any], memory: bool = False) -> Any:
         return numba.njit(function, cache=True, **options.OPTIONS | {"_nrt": memory})
     finally:
         settings.CACHE_DIR = before
-
-
-def allocating(function: Callable[..., Any]) -> Any:
-    """The same for a function that takes memory."""
-    return kernel(function, memory=True)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -5,6 +5,7 @@ with it, (1, 0) in the reference configuration; a point mass has r alone. Places
 in the coordinates.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 from warnings import warn
@@ -77,18 +78,13 @@ class Mesh:
         if body.velocity is None:
             return v
         q, slopes = self.reference()[0], slopes_of(body, self.elements)
+        vectors = {0: nodes_of(body, self.elements)[1], 1: slopes, None: -(slopes @ q[-1])[:, None] * q[1]}
+        if 2 in self.orders:
+            s = np.linspace(0.0, 1.0, self.elements + 1).tolist()
+            bend = [second_derivative(body.velocity_at, x, self.elements) for x in s]
+            vectors[2] = np.array(bend) * self.element.l / body.length**2
         for k, order in enumerate(self.orders):
-            match order:
-                case None:
-                    v[:, k] = -(slopes @ q[k])[:, None] * q[1]
-                case 0:
-                    v[:, k] = nodes_of(body, self.elements)[1]
-                case 1:
-                    v[:, k] = slopes
-                case 2:
-                    s = np.linspace(0.0, 1.0, self.elements + 1).tolist()
-                    bend = [second_derivative(body.velocity_at, x, self.elements) for x in s]
-                    v[:, k] = np.array(bend) * self.element.l / body.length**2
+            v[:, k] = vectors[order]
         return v
 
 
@@ -119,33 +115,26 @@ class Layout:
         self.meshes: dict[str, Mesh] = {}
         self.rigid: dict[str, RigidBody | PointMass] = {}
         self.first: dict[str, int] = {}
-        q: list[Array] = []
-        v: list[Array] = []
-        unit: list[Array] = []
-        cut, size = run.of(scene), 0
+        parts: list[tuple[Array, Array, list[float]]] = []
+        cut, self.size = run.of(scene), 0
         check_kinds(cut, ELEMENTS, "the global solver")
         kinds = {name: kind_of(element) for name, (_, element) in cut.items()}
-        beams = [body for body in scene.beams if not kinds[body.name].rigid]
-        for body in beams:
+        flexible = [body for body in scene.beams if not kinds[body.name].rigid]
+        for body in flexible:
             kind, count = kinds[body.name], cut[body.name][0]
-            mesh = Mesh(body, kind, count, kind.element_of(body, count, run.quadrature), size)
-            self.meshes[body.name], size = mesh, mesh.own.stop
-            q.append(mesh.reference().ravel())
-            v.append(mesh.velocity().ravel())
-            unit.append(np.tile([scene.length] * 2 + [1.0] * (2 * mesh.vectors - 2), count + 1))
-        self.flexible = size
+            mesh = Mesh(body, kind, count, kind.element_of(body, count, run.quadrature), self.size)
+            self.meshes[body.name], self.size = mesh, mesh.own.stop
+            unit = ([scene.length] * 2 + [1.0] * (2 * mesh.vectors - 2)) * (count + 1)
+            parts.append((mesh.reference().ravel(), mesh.velocity().ravel(), unit))
+        self.flexible = self.size
         for other in (body for body in scene.bodies if body.name not in self.meshes):
             solid = thin_bar(other) if isinstance(other, Beam) else other
-            turns = isinstance(solid, RigidBody)
-            self.rigid[other.name], self.first[other.name] = solid, size
-            q.append(np.array([*solid.position_at("center"), *([1.0, 0.0] if turns else [])]))
-            v.append(
-                np.array([*solid.velocity, *([0.0, solid.spin] if isinstance(solid, RigidBody) else [])])
-            )
-            unit.append(np.array([scene.length] * 2 + [1.0] * (2 * turns)))
-            size += len(q[-1])
-        self.size = size
-        self.reference, self.velocity, self.unit = (np.concatenate(parts) for parts in (q, v, unit))
+            turns, rates = ([1.0, 0.0], [0.0, solid.spin]) if isinstance(solid, RigidBody) else ([], [])
+            self.rigid[other.name], self.first[other.name] = solid, self.size
+            start, v = np.array([*solid.position_at("center"), *turns]), np.array([*solid.velocity, *rates])
+            parts.append((start, v, [scene.length] * 2 + [1.0] * len(turns)))
+            self.size += len(start)
+        self.reference, self.velocity, self.unit = (np.concatenate(p) for p in zip(*parts, strict=True))
 
     def owner(self, number: int) -> tuple[str, int | None]:
         """Body, and of a flexible beam the element, that a coordinate belongs to."""
@@ -186,6 +175,10 @@ class Layout:
         """All vectors beside the position that joints hold at a place of a flexible beam, r_x first."""
         kind = self.meshes[place.body.name].kind
         return [self._axis(place, VECTORS[name].derivative) for name in kind.held[1:]]
+
+    def placed(self, vectors: Sequence[Vector]) -> Array:
+        """Vectors in the reference, (k, 2)."""
+        return np.array([vector(self.reference) for vector in vectors])
 
     def is_rigid(self, place: Place) -> bool:
         """Whether a place is of a body that does not deform."""

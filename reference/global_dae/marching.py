@@ -1,6 +1,7 @@
 """Time marching shared by all integrators: outputs, cost and status."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 
@@ -16,20 +17,12 @@ from anctmm.results.checks.divergence import checked
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Solution
-from anctmm.results.status import Status, in_short
+from anctmm.results.status import Status
 from reference.global_dae.layout import Layout
-from reference.global_dae.system import Account, System
+from reference.global_dae.saddle import Failure, Nearest, Saddle
+from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-
-class Failure(Exception):
-    """A step that failed: the reason, the correction or acceleration that shows where, and residuals (N)."""
-
-    def __init__(self, why: str, change: Array | None = None, residuals: Sequence[float] = ()) -> None:
-        super().__init__(why)
-        self.change, self.residuals = change, tuple(residuals)
 
 
 @dataclass
@@ -44,19 +37,25 @@ class State:
 
 
 class Marcher:
-    """A system marched in time; integrators fill in `begin` and `step`."""
+    """A system marched in time; integrators fill in `step`."""
 
     advice = ""
 
     def __init__(self, system: System) -> None:
-        self.system, self.run = system, system.layout.run
+        self.system, self.run = system, system.run
         self.newton_iterations, self.factorizations = 0, 0
         self.length = max(1.0, system.layout.scene.length)
-        self.account = Account(system)
+        self.work, self.last_power = np.zeros(2), np.zeros(2)
 
     def begin(self) -> State:
-        """The state at t = 0."""
-        raise NotImplementedError
+        """The state at t = 0: velocities that fit joints and drives, and [M Jᵀ; J 0] [q̈; μ] = [f; γ]."""
+        system, c = self.system, self.system.constraints
+        q, v, p = system.layout.reference.copy(), system.layout.velocity, c.parameters(0.0)
+        J = c.jacobian(q, p)
+        v = v - Nearest(J)(J @ v + c.rate(q, p))
+        force = system.force(q, v, 0.0) + system.beams.damping(q, v)
+        self.factorizations += 1
+        return State(q, v, *Saddle(system.mass, J).solve(force, c.right(q, v, p)), p)
 
     def step(self, state: State, t: float) -> State:
         """The next step, which leads to time t."""
@@ -67,33 +66,53 @@ class Marcher:
         """To the end, or as far as it goes."""
         system, run = self.system, self.run
         wanted, times = set(run.output_steps.tolist()), run.times(np.arange(run.steps + 1))
-        record, kept = Record(system.layout), list[int]()
-        start = process_time(), perf_counter()
-        n = 0
+        record, n = Record(system.layout, solver), 0
 
-        def so_far(status: Status, steps: int) -> Solution:
-            spent = process_time() - start[0], perf_counter() - start[1]
-            cost = Cost(*spent, steps, self.newton_iterations, self.factorizations)
-            return record.solution(solver, times[kept], cost, status)
+        def so_far(status: Status) -> Solution:
+            done = run.steps if status.ok else n - 1
+            return record.solution(status, done, self.newton_iterations, self.factorizations)
 
-        try:
-            state = self.begin()
-            for n in range(run.steps + 1):
-                t = float(times[n])
-                state = self.step(state, t) if n else state
-                self.account.add(state.q, state.v, t, state.p, state.mu)
-                record.count_turns(state.q)
-                if n in wanted:
-                    energies = system.energies(state.q, state.v, t, self.account)
-                    record.keep(state.q, state.v, state.a, energies)
-                    kept.append(n)
-        except Failure as failure:
-            return so_far(failed_step(system.layout, failure, n, float(times[n]), self.advice), n - 1)
-        except KeyboardInterrupt:
-            raise Interrupted(so_far(interruption(float(times[max(n - 1, 0)])), n - 1)) from None
-        except PropertyError as error:  # of a load, a drive or a law
-            raise HistoryError(so_far(broken_off(error, float(times[max(n - 1, 0)])), n - 1)) from error
-        return so_far(Status(), run.steps)
+        with ended_early(so_far, lambda: float(times[max(n - 1, 0)])):
+            try:
+                state = self.begin()
+                for n in range(run.steps + 1):
+                    t = float(times[n])
+                    state = self.step(state, t) if n else state
+                    self.add_work(state, t)
+                    angles = record.turns.count(state.q[None])
+                    if n in wanted:
+                        energies = system.energies(state.q, state.v, t, self.work)
+                        record.keep(times[n : n + 1], (state.q, state.v, state.a), energies, angles)
+            except Failure as failure:
+                return so_far(failed_step(system.layout, failure, n, float(times[n]), self.advice))
+        return so_far(Status())
+
+    def power_of(self, s: State, t: float) -> Array:
+        """Power of all that does work beside energies, and of damping, W, (2,)."""
+        return self.system.power(s.q, s.v, t, s.p, s.mu)
+
+    def add_work(self, state: State, t: float) -> None:
+        """Add the work of the step that leads here, by the trapezoidal rule."""
+        power = self.power_of(state, t)
+        if t > 0.0:
+            self.work = self.work + 0.5 * self.run.exact_dt * (power + self.last_power)
+        self.last_power = power
+
+    def check_position(self, q: Array, p: Array, allowed: float) -> None:
+        """Raise Failure where positions do not fit the constraints: some contradict each other."""
+        if not np.abs(self.system.constraints.value(q, p)).max(initial=0.0) <= allowed * self.length:
+            raise Failure("joints and drives leave the bodies no admissible position")
+
+
+@contextmanager
+def ended_early(so_far: Callable[[Status], Solution], time: Callable[[], float]) -> Iterator[None]:
+    """Hand over what was found where Ctrl-C, a load, a drive or a law ends a run."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(so_far(interruption(time()))) from None
+    except PropertyError as error:
+        raise HistoryError(so_far(broken_off(error, time()))) from error
 
 
 def failed_step(layout: Layout, failure: Failure, n: int, t: float, advice: str) -> Status:
@@ -103,9 +122,7 @@ def failed_step(layout: Layout, failure: Failure, n: int, t: float, advice: str)
         sizes = np.where(np.isfinite(failure.change), np.abs(failure.change), np.inf)
         body, element = layout.owner(int((sizes / layout.unit).argmax()))
         where = f", body {body!r}" + (f", element {element}" if element is not None else "")
-    history = f", residuals {in_short(failure.residuals)} N" if failure.residuals else ""
-    message = f"{failure} at t = {t:.6g} s (step {n}){where}{history}: {advice}"
-    return Status("diverged", message, t, n, body, element, failure.residuals)
+    return Status("diverged", f"{failure} at t = {t:.6g} s (step {n}){where}: {advice}", t, n, body, element)
 
 
 class Turns:
@@ -128,57 +145,37 @@ class Turns:
 
 
 class Record:
-    """Outputs of a run."""
+    """Outputs of a run and its clocks, which start with it."""
 
-    def __init__(self, layout: Layout) -> None:
-        self.layout, self.turns = layout, Turns(layout)
-        self.states: list[tuple[Array, ...]] = []
+    def __init__(self, layout: Layout, solver: str) -> None:
+        self.layout, self.solver, self.turns = layout, solver, Turns(layout)
+        self.widths = layout.size, layout.size, layout.size, 5, len(self.turns.names)
+        self.times: list[Array] = []
+        self.parts: list[list[Array]] = [[np.zeros((0, width))] for width in self.widths]
+        self.start = process_time(), perf_counter()
 
-    def count_turns(self, q: Array) -> None:
-        """Add the rotations since the last call."""
-        self.turns.count(q[None])
-
-    def keep(self, q: Array, v: Array, a: Array, energies: Array) -> None:
-        """One more output."""
-        self.states.append((q, v, a, energies, self.turns.angles))
+    def keep(self, t: Array, series: Sequence[Array], energies: Array, angles: Array) -> None:
+        """More outputs, (n,): coordinates and their rates, (n, size), energies, (n, 5), and angles, (n, bodies)."""
+        self.times.append(t)
+        for part, new, width in zip(self.parts, (*series, energies, angles), self.widths, strict=True):
+            part.append(np.reshape(new, (len(t), width)).copy())
 
     def solution(
-        self, solver: str, t: Array, cost: Cost, status: Status, *, static: bool = False
+        self, status: Status, steps: int, iterations: int, factorizations: int, static: bool = False
     ) -> Solution:
-        """The answer as far as it goes."""
-        size = self.layout.size
-        widths = (size, size, size, 5, len(self.turns.names))
-        columns = list(zip(*self.states, strict=True)) or [()] * len(widths)
-        q, v, a, energies, angles = (
-            np.array(x).reshape(-1, w) if w else np.zeros((len(x), 0))
-            for x, w in zip(columns, widths, strict=True)
-        )
-        turned = None if static else dict(zip(self.turns.names, angles.T, strict=True))
-        return answer(self.layout, solver, t, (q,) if static else (q, v, a), energies, cost, status, turned)
-
-
-def answer(
-    layout: Layout, solver: str, t: Array, series: Sequence[Array], energies: Array, cost: Cost, status: Status,
-    turned: dict[str, Array] | None,
-) -> Solution:  # fmt: skip
-    """The solution, as far as checks find nothing wrong.
-
-    Parameters
-    ----------
-    series : sequence of ndarray, each (n, size)
-        Coordinates and, of motions, velocities and accelerations.
-    energies : ndarray, shape (n, 5)
-    turned : mapping from body to its angles, (n,), or None
-        Of motions; without them the solution is static.
-    """
-    fields = fields_of(layout, series)
-    for name, angle in (turned or {}).items():
-        fields[name] = replace(fields[name], start_angle=angle.copy())  # type: ignore[type-var]
-    static, energy = turned is None, Energy(*energies.T.copy())
-    found = Solution(
-        solver, layout.scene, layout.run, t, fields, energy, cost, status, layout.size, static=static
-    )
-    return checked(found, static=static)
+        """The answer as far as it goes, and as far as checks find nothing wrong."""
+        spent = process_time() - self.start[0], perf_counter() - self.start[1]
+        cost = Cost(*spent, max(steps, 0), iterations, factorizations)
+        *series, energies, angles = map(np.concatenate, self.parts)
+        fields = fields_of(self.layout, series[:1] if static else series)
+        for name, angle in () if static else zip(self.turns.names, angles.T, strict=True):
+            fields[name] = replace(fields[name], start_angle=angle.copy())  # type: ignore[type-var]
+        t, layout = np.concatenate([np.zeros(0), *self.times]), self.layout
+        found = Solution(
+            self.solver, layout.scene, layout.run, t, fields, Energy(*energies.T.copy()), cost, status,
+            layout.size, static=static,
+        )  # fmt: skip
+        return checked(found, static=static)
 
 
 def fields_of(layout: Layout, series: Sequence[Array]) -> dict[str, Field]:
@@ -190,12 +187,12 @@ def fields_of(layout: Layout, series: Sequence[Array]) -> dict[str, Field]:
             found[body.name] = beam_field(mesh.kind, mesh.body, *own)
             continue
         solid, at = layout.rigid[body.name], layout.first[body.name]
-        r, turns = (x[:, at : at + 2] for x in series), isinstance(solid, RigidBody)
-        still = [
-            np.tile([float(k == 0), 0.0], (n, 1)) for k in range(len(series))
-        ]  # a point mass does not turn
-        t = (x[:, at + 2 : at + 4] for x in series) if turns else still
-        pairs = list(zip(r, t, strict=True))
+        pairs = []
+        for k, x in enumerate(series):
+            still = np.tile([float(k == 0), 0.0], (n, 1))  # a point mass does not turn
+            pairs.append(
+                (x[:, at : at + 2], x[:, at + 2 : at + 4] if isinstance(solid, RigidBody) else still)
+            )
         if isinstance(body, Beam):
             assert isinstance(solid, RigidBody)
             first, *others = (_bar(body, solid, *pair) for pair in pairs)

@@ -6,65 +6,54 @@ factored in place when its corrections fall slowly. Compiled steps store every s
 outputs are found from these.
 """
 
-from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
-from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.errors import PropertyError
 from anctmm.model.drives import tabulate
-from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
-from anctmm.results.solution import Cost, Solution
+from anctmm.results.solution import Solution
 from anctmm.results.status import Status
-from reference.global_dae import explicit, implicit, saddle, steps
-from reference.global_dae.constraints import Constraints, Drive
+from reference.global_dae import integrators, steps
+from reference.global_dae.constraints import Constraints
 from reference.global_dae.elements import Matrix
-from reference.global_dae.forces import LoadForce, Moment, PointForce
-from reference.global_dae.lu import factorise
-from reference.global_dae.marching import Failure, Turns, answer, failed_step
+from reference.global_dae.factors import factorise, index
+from reference.global_dae.forces import LoadForce
+from reference.global_dae.marching import Record, ended_early, failed_step
+from reference.global_dae.saddle import Failure
 from reference.global_dae.steps import History, Loads, Rows, Tables
 from reference.global_dae.system import System
-from reference.global_dae.vectors import QUARTER
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
-#: Part of the largest pivot of J Jᵀ below which rows depend on each other.
-DEPENDENT = 1e-12
-#: Seconds between two chances to interrupt a run; steps of a batch, and numbers that they store, at most.
-PAUSE, MOST, ROOM = 0.1, 4_096, 4_000_000
+#: Numbers that the steps of a batch store of each series, and steps of a batch at most.
+ROOM, MOST = 200_000, 4_096
 
 
 def has(system: System) -> bool:
     """Whether it has all features of a scene, and the integrator."""
-    layout, c = system.layout, system.constraints
+    c = system.constraints
+    J = c.jacobian(system.layout.reference, c.parameters(0.0)) if c.constant else None
     return (
-        layout.run.integrator != "esdirk"
-        and bool(layout.meshes)
+        system.run.integrator != "esdirk"
+        and bool(system.layout.meshes)
         and not system.connectors
-        and c.constant
         and all(map(_simple, system.loads))
-        and _independent(c.jacobian(layout.reference, c.parameters(0.0)))
+        and J is not None
+        and _gram(J)[1]
     )
 
 
 def _simple(load: LoadForce) -> bool:
     """Whether a load is a force on a linear place that does not turn, or a moment on one vector of a node."""
-    return isinstance(load, PointForce) or (isinstance(load, Moment) and len(load.vectors[0].at) == 2)
+    return not load.follower and (not load.torque or len(load.vectors[0].at) == 2)
 
 
-def _independent(J: sparse.csr_array) -> bool:
-    if not J.shape[0]:
-        return True
-    try:
-        pivots = np.abs(splu(Matrix(J @ J.T)).U.diagonal())
-    except RuntimeError:  # exactly singular
-        return False
-    return bool(pivots.min() > DEPENDENT * pivots.max())
+def _gram(J: sparse.csr_array) -> Any:
+    """Factors of J Jᵀ, and whether its rows are independent."""
+    return factorise(Matrix(J @ J.T), J.shape[0], np.arange(J.shape[0])[:, None])
 
 
 class Rival:
@@ -78,226 +67,151 @@ class Rival:
     """
 
     def __init__(self, system: System, dense: bool) -> None:
-        self.system, self.layout, self.run, self.dense = system, system.layout, system.layout.run, dense
-        c = system.constraints
-        self.n, self.m = system.size, c.count
-        self.J = c.jacobian(self.layout.reference, c.parameters(0.0))
-        self.rows = _RightSide(c)
-        h = self.run.exact_dt
-        alpha = GeneralizedAlpha(self.run.spectral_radius).of_step(h)
-        by_a, by_v = (0.0, 0.0) if self.run.explicit else (alpha.to_w, alpha.gamma / (alpha.beta * h))
-        self.separate = separated(system.mass, self.J) if self.run.explicit and not dense else None
-        scale = np.abs(self._matrix(by_a, by_v).diagonal()).mean()
-        J, none = self.J, np.zeros(0)
-        gram = factorise(Matrix(J @ J.T), np.arange(self.m)[:, None])
+        self.system, self.run = system, system.run
+        self.n, self.m = system.size, system.constraints.count
+        judge = integrators.GeneralizedAlpha(system)
+        start, run, c = judge.begin(), system.run, judge.c
+        by_a, by_v = (0.0, 0.0) if run.explicit else (judge.slopes.by_a, judge.slopes.by_v)
+        A = system.mass if run.explicit else judge.matrix(start, 0.0, judge.slopes)
+        scale = float(np.abs(A.diagonal()).mean())
+        J = system.constraints.jacobian(start.q, start.p)
+        matrix = saddle_of(system, J, scale)
+        motion = steps.Motion(  # type: ignore[call-arg]
+            start.q, start.v, start.a, start.a.copy(), start.mu / scale, *np.zeros((6, self.n)),
+            *np.zeros((2, self.n + self.m)), system.layout.unit, np.zeros(3, dtype=np.int64),
+        )  # fmt: skip
         self.equations = steps.Equations(
             steps.Scheme(
-                h, self.run.psi, self.run.phi, alpha.alpha_m, alpha.alpha_f, alpha.beta, alpha.gamma, by_a, by_v,
-                self.run.newton_tolerance, dense, float(scale),
+                judge.h, run.psi, run.phi, c.alpha_m, c.alpha_f, c.beta, c.gamma, by_a, by_v, run.newton_tolerance,
+                dense, scale,
             ),
             system.beams.elements(by_v),
-            Rows(_index(J.indptr), _index(J.indices), J.data.copy(), gram, *np.zeros((2, self.m))),
-            loads_of(system.loads), system.dead, factorise(Matrix((0, 0)), np.zeros((0, 1), dtype=np.int64)),
-            saddle_of(system, J, float(scale)), np.zeros((self.n + self.m if dense else 0,) * 2),
-            self._start(float(scale)),
+            Rows(index(J.indptr), index(J.indices), J.data.copy(), _gram(J)[0], *np.zeros((2, self.m))),
+            loads_of(system.loads), system.dead, factorise(Matrix((0, 0)), 0, np.zeros((0, 1), dtype=np.int64))[0],
+            matrix, np.zeros((self.n + self.m if dense else 0,) * 2), motion,
         )  # fmt: skip
-        self._factor(self.layout.reference, np.zeros((len(system.loads), 2)))
-        self.turns, self.last, self.work = Turns(self.layout), [none] * 0, np.zeros(2)
-
-    def _matrix(self, by_a: float, by_v: float) -> Matrix:
-        """Matrix of the coordinates in the reference; that of components that do not mix if these are separate."""
-        if self.run.explicit:
-            return self.system.mass if self.separate is None else self.separate[0]
-        K = self.system.tangents(self.layout.reference, self.system.still, 0.0, by_velocity=by_v)
-        return Matrix(by_a * self.system.mass + K)
-
-    def _start(self, scale: float) -> steps.Motion:
-        """The state at t = 0."""
-        system, layout, c, n, m = self.system, self.layout, self.system.constraints, self.n, self.m
-        q, p = layout.reference.copy(), c.parameters(0.0)
-        v = layout.velocity - saddle.Nearest(self.J)(self.J @ layout.velocity + c.rate(q, p))
-        damping = system.beams.damping(q, v)
-        a, mu = saddle.Saddle(system.mass, self.J).solve(system.force(q, v, 0.0) + damping, c.right(q, v, p))
-        return steps.Motion(  # type: ignore[call-arg]
-            q, v, a, a.copy(), damping, mu / scale, *np.zeros((5, n)), *np.zeros((2, n + m)), layout.unit, np.zeros(n),
-            np.zeros(steps.ITERATIONS), np.zeros(4, dtype=np.int64), np.zeros(1),
-        )  # fmt: skip
-
-    def _factor(self, q: Array, loads: Array) -> None:
-        """Order and pivots, at a state."""
-        e = self.equations
-        matrix, size = e.saddle, self.n + self.m
-        if self.run.explicit:
+        if run.explicit:
             matrix.data[:] = matrix.mass + matrix.joints
         else:
-            steps.assemble(e, loads, q)
-        if self.dense:
-            return
-        if self.separate is not None:
-            small, places = saddle.Saddle(*self.separate).matrix, np.arange(size).reshape(-1, 2)
-        else:
-            where = matrix.row.astype(np.int64), matrix.column.astype(np.int64)
-            small, places = Matrix((matrix.data.copy(), *where), shape=(size, size)), np.arange(size)[:, None]
-        self.equations = e._replace(lu=factorise(small, places))
+            steps.assemble(self.equations, np.zeros((len(system.loads), 2)), start.q)
+        if not dense:
+            self.equations = self.equations._replace(factors=self._factors(matrix))
+        rows = system.constraints.rows
+        self.turned = [j for j, row in enumerate(rows) if row.drive is not None]
+        self.driven = Constraints([rows[j] for j in self.turned], self.n)
+        self.base = -system.constraints.value(system.still, start.p)
+        self.work, self.power = np.zeros(2), np.zeros((0, 2))
+
+    def _factors(self, matrix: steps.Saddle) -> Any:
+        """Factors in the reference: one matrix serves x and y where explicit steps do not mix them."""
+        size = self.n + self.m
+        pattern = matrix.row.astype(np.int64), matrix.column.astype(np.int64)
+        whole = Matrix((matrix.data.copy(), *pattern), shape=(size, size))
+        if self.run.explicit and size % 2 == 0:
+            half = Matrix(whole[::2, ::2])
+            if abs(sparse.kron(half, np.eye(2)) - whole).max() == 0.0:
+                return factorise(half, self.n // 2, np.arange(size).reshape(-1, 2))[0]
+        return factorise(whole, self.n, np.arange(size)[:, None])[0]
 
     # --- marching ------------------------------------------------------------------------------------------
 
     def march(self, solver: str) -> Solution:
         """To the end, or as far as it goes."""
-        run, step, batch, outputs = self.run, 0, 16, list[tuple[Any, ...]]()
+        run, step = self.run, 0
         march: Any = steps.explicit_steps if run.explicit else steps.implicit_steps
         march(self.equations, 0, self._tables(0, 0), self._room(0))  # compiles
-        start, status = (process_time(), perf_counter()), Status()
+        batch = max(1, min(MOST, ROOM // (self.n + self.m)))
+        record, status = Record(self.system.layout, solver), Status()
 
         def so_far(status: Status) -> Solution:
-            spent = process_time() - start[0], perf_counter() - start[1]
-            return self._solution(solver, outputs, max(min(step, run.steps + 1) - 1, 0), spent, status)
+            counts = self.equations.motion.counts
+            once = run.explicit and not self.equations.scheme.dense
+            factorizations = 1 if once else int(counts[steps.FACTORIZATIONS])
+            done = min(step, run.steps + 1) - 1
+            return record.solution(status, done, int(counts[steps.CORRECTIONS]), factorizations)
 
-        most = max(1, min(MOST, ROOM // (3 * self.n + 5 * self.m)))
-        repivoted = -1
-        try:
+        with ended_early(so_far, lambda: self._time(max(step - 1, 0))):
             while step <= run.steps and status.ok:
-                last, began = min(step + min(batch, most), run.steps + 1), perf_counter()
+                last = min(step + batch, run.steps + 1)
                 try:
                     tables = self._tables(step, last)
                 except PropertyError:  # of a load or a drive: go on to the step at which it fails
                     if last == step + 1:
                         raise
-                    most = 1
+                    batch = 1
                     continue
                 history = self._room(last - step)
                 done = march(self.equations, step, tables, history)
-                outputs.append(self._outputs(step, done, tables, history))
+                if done:
+                    self._keep(record, step, tables, [part[:done] for part in history])
                 step += done
-                if step < last and self._singular and step != repivoted:
-                    repivoted = step
-                    self._factor(self.equations.motion.q, tables.loads[done])
-                elif step < last:
+                if step < last:
                     status = self._diverged(step)
-                batch = 2 * batch if perf_counter() - began < PAUSE else batch
-        except KeyboardInterrupt:
-            raise Interrupted(so_far(interruption(self._time(max(step - 1, 0))))) from None
-        except PropertyError as error:
-            raise HistoryError(so_far(broken_off(error, self._time(max(step - 1, 0))))) from error
         return so_far(status)
-
-    @property
-    def _singular(self) -> bool:
-        return bool(self.equations.motion.counts[steps.ENDED] == steps.SINGULAR)
 
     def _room(self, count: int) -> History:
         states = (np.empty((count, self.n)) for _ in range(3))
         return History(*states, np.empty((count, self.m)), np.empty(count))  # type: ignore[call-arg]
 
     def _tables(self, first: int, last: int) -> Tables:
-        """Values of loads and right-hand sides at the steps first … last − 1."""
-        t = self.run.times(np.arange(first, last))
+        """Loads and right-hand sides at the steps first … last − 1."""
+        t, zero = self.run.times(np.arange(first, last)), self.system.still
         loads = np.zeros((len(t), len(self.system.loads), 2))
         for k, load in enumerate(self.system.loads):
             value: Any = load.load.value
             loads[:, k, : load.width] = (
                 tabulate(load.name, value, t, load.width) if callable(value) else value
             )
-        self.p = self.rows.parameters(t)
-        return Tables(loads, *self.rows(self.p))
-
-    def _outputs(self, first: int, done: int, tables: Tables, history: History) -> tuple[Any, ...]:
-        """Steps of a batch that are wanted: their numbers, q, v, a, work, and angles."""
-        q, v, a, mu, lost = (part[:done] for part in history)
-        number = first + np.arange(done)
-        if not done:
-            return number, q, v, a, np.zeros((0, 2)), np.zeros((0, len(self.turns.names)))
-        angles = self.turns.count(q)
-        work = np.stack([self._work(q, mu, tables.loads[:done]) + lost, lost], axis=1)
-        summed = self.work + np.cumsum(work, axis=0)
-        self.work = summed[-1]
-        kept = np.isin(number, self.run.output_steps)
-        return number[kept], q[kept], v[kept], a[kept], summed[kept], angles[kept]
-
-    def _work(self, q: Array, mu: Array, loads: Array) -> Array:
-        """Work of loads and drives in each of several steps, (n,), by the trapezoidal rule.
-
-        Of a force ½ (F_n + F_{n+1}) · Δr, of a moment its mean times the change of the angle, of a drive μᵀ ∂Φ/∂p.
-        """
-        now = [q, loads, -mu * self.rows.slope(self.p[: len(q)]), self.p[: len(q), :, 0]]
-        q, loads, pulls, p = (
-            np.concatenate(pair) for pair in zip(self.last or [x[:1] for x in now], now, strict=True)
+        b, rate, acceleration = (
+            np.tile(x, (len(t), 1)) for x in (self.base, 0.0 * self.base, 0.0 * self.base)
         )
-        self.last = [x[-1:] for x in (q, loads, pulls, p)]
-        work = 0.5 * ((pulls[1:] + pulls[:-1]) * np.diff(p, axis=0)).sum(axis=1)
+        p = self.driven.parameters(t)
+        b[:, self.turned] = -self.driven.value(zero, p)
+        rate[:, self.turned] = -self.driven.rate(zero, p)
+        acceleration[:, self.turned] = self.driven.right(zero, zero, p)
+        return Tables(loads, b, rate, acceleration)
+
+    def _keep(self, record: Record, first: int, tables: Tables, history: Any) -> None:
+        """Keep the outputs of a batch, with the work until then by the trapezoidal rule."""
+        q, v, a, mu, damping = history
+        number, angles = first + np.arange(len(q)), record.turns.count(q)
+        power = np.stack([self._power(q, v, mu, tables) + damping, damping], axis=1)
+        before = self.power if len(self.power) else -power[:1]
+        work = self.work + 0.5 * self.run.exact_dt * np.cumsum(
+            power + np.concatenate([before, power[:-1]]), axis=0
+        )
+        self.work, self.power = work[-1], power[-1:]
+        kept = np.isin(number, self.run.output_steps)
+        q, v, a, work = q[kept], v[kept], a[kept], work[kept]
+        energies = np.zeros((len(q), 5))
+        with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large
+            energies[:, 0] = 0.5 * np.einsum("ni,ni->n", v, (self.system.mass @ v.T).T)
+            energies[:, 1] = self.system.beams.energy(q)
+        energies[:, 2] = -(q - self.system.layout.reference) @ self.system.dead
+        energies[:, 3], energies[:, 4] = work[:, 0], 0.0 - work[:, 1]
+        record.keep(self.run.times(number[kept]), (q, v, a), energies, angles[kept])
+
+    def _power(self, q: Array, v: Array, mu: Array, tables: Tables) -> Array:
+        """Power of loads and drives at several states, (n,), W."""
+        power = -np.einsum("nj,nj->n", mu, tables.rate[: len(q)])
         for k, load in enumerate(self.system.loads):
             at, A = load.vectors[0].at, load.vectors[0].A
-            x, F = q[:, at] @ A.T, loads[:, k]
-            if isinstance(load, Moment):
-                x = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))[:, None]
-            work += 0.5 * ((F[1:] + F[:-1])[:, : x.shape[1]] * np.diff(x, axis=0)).sum(axis=1)
-        return np.asarray(work)
+            x, y, F = q[:, at] @ A.T, v[:, at] @ A.T, tables.loads[: len(q), k]
+            if load.torque:
+                power += F[:, 0] * (x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]) / (x * x).sum(axis=1)
+            else:
+                power += (F * y).sum(axis=1)
+        return np.asarray(power)
 
     def _time(self, step: int) -> float:
         return float(self.run.times(np.array([step]))[0])
 
     def _diverged(self, step: int) -> Status:
-        m = self.equations.motion
+        why, advice = "Newton's iteration does not converge", integrators.GeneralizedAlpha.advice
         if self.run.explicit:
-            failure = Failure("accelerations are not finite", m.change)
-        else:
-            why = "the tangent is singular" if self._singular else "Newton's iteration does not converge"
-            failure = Failure(why, m.change, m.residuals[m.residuals > 0.0].tolist())
-        advice = (explicit.Zhai if self.run.explicit else implicit.GeneralizedAlpha).advice
-        return failed_step(self.layout, failure, step, self._time(step), advice)
-
-    def _solution(
-        self, solver: str, outputs: list[tuple[Any, ...]], count: int, spent: tuple[float, float], status: Status
-    ) -> Solution:  # fmt: skip
-        counts, system = self.equations.motion.counts, self.system
-        factorizations = 1 if self.run.explicit and not self.dense else int(counts[steps.FACTORIZATIONS])
-        cost = Cost(*spent, count, int(counts[steps.CORRECTIONS]), factorizations)
-        empty = self._outputs(0, 0, self._tables(0, 0), self._room(0))
-        number, q, v, a, work, angles = map(np.concatenate, zip(empty, *outputs, strict=True))
-        energies = np.zeros((len(q), 5))
-        with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large
-            energies[:, 0] = 0.5 * np.einsum("ni,ni->n", v, (system.mass @ v.T).T)
-            energies[:, 1] = system.beams.energy(q)
-        energies[:, 2] = -(q - self.layout.reference) @ system.dead
-        energies[:, 3], energies[:, 4] = work[:, 0], 0.0 - work[:, 1]
-        turned = dict(zip(self.turns.names, angles.T, strict=True))
-        return answer(self.layout, solver, self.run.times(number), (q, v, a), energies, cost, status, turned)
-
-
-class _RightSide:
-    """b of J q = b(t): b = base + cos p along + sin p across + p shift, p of the drive of each row."""
-
-    def __init__(self, c: Constraints) -> None:
-        self.base, self.along, self.across = c.targets.copy(), *np.zeros((2, c.count))
-        self.shift, self.drives = c.along, dict[Drive, list[int]]()
-        for j, row in enumerate(c.rows):
-            for term in row.terms:
-                one, two = term.one.constant, term.two.constant
-                if term.turned:
-                    self.along[j] -= one @ term.Q @ two
-                    self.across[j] -= one @ QUARTER @ term.Q @ two
-                else:
-                    self.base[j] -= one @ term.Q @ two
-            if row.drive is not None:
-                self.drives.setdefault(row.drive, []).append(j)
-
-    def parameters(self, t: Array) -> Array:
-        """p, p', p'' of each row at times, (n, m, 3)."""
-        p = np.zeros((len(t), len(self.base), 3))
-        for drive, rows in self.drives.items():
-            p[:, rows] = tabulate(drive.name, drive.history, t, 3)[:, None]
-        return p
-
-    def slope(self, p: Array) -> Array:
-        """∂b/∂p, (n, m)."""
-        return np.cos(p[..., 0]) * self.across - np.sin(p[..., 0]) * self.along + self.shift
-
-    def __call__(self, p: Array) -> tuple[Array, Array, Array]:
-        """b and its derivatives by time, (n, m)."""
-        turned = np.cos(p[..., 0]) * self.along + np.sin(p[..., 0]) * self.across
-        slope = self.slope(p)
-        b = self.base + turned + p[..., 0] * self.shift
-        return b, p[..., 1] * slope, p[..., 2] * slope - p[..., 1] ** 2 * turned
+            why, advice = "accelerations are not finite", integrators.Zhai.advice
+        failure = Failure(why, self.equations.motion.change)
+        return failed_step(self.system.layout, failure, step, self._time(step), advice)
 
 
 # --- tables of the kernels ------------------------------------------------------------------------------------
@@ -306,26 +220,17 @@ class _RightSide:
 def loads_of(loads: list[LoadForce]) -> Loads:
     """Loads that vary or turn, each on a sum of vectors."""
     vectors = [load.vectors[0] for load in loads]
-    none = np.zeros(0)
-    at = np.concatenate([none.astype(np.int64), *(v.at[::2] for v in vectors)])
     first = np.cumsum([0, *(len(v.at) // 2 for v in vectors)])
-    weight = np.concatenate([none, *(v.A[0, ::2] for v in vectors)])
-    return Loads(np.array([isinstance(load, Moment) for load in loads], dtype=bool), first, at, weight)
-
-
-def separated(M: Matrix, J: sparse.csr_array) -> tuple[Matrix, sparse.csr_array] | None:
-    """m and j with M = m ⊗ I₂ and J = j ⊗ I₂: one matrix then serves x and y; None where J mixes them."""
-    if J.shape[0] % 2:
-        return None
-    m, j = Matrix(M[::2, ::2]), sparse.csr_array(J[::2, ::2])
-    same = abs(sparse.kron(j, np.eye(2)) - J).max() if J.shape[0] else 0.0
-    return (m, j) if same == 0.0 else None
+    at, weight = np.zeros(first[-1], dtype=np.int64), np.zeros(first[-1])
+    for k, v in enumerate(vectors):
+        at[first[k] : first[k + 1]], weight[first[k] : first[k + 1]] = v.at[::2], v.A[0, ::2]
+    return Loads(np.array([load.torque for load in loads], dtype=bool), first, at, weight)
 
 
 def saddle_of(system: System, J: sparse.csr_array, scale: float) -> steps.Saddle:
     """Pattern and constant numbers of [c M + K, sJᵀ; sJ, 0]."""
     n, size = system.size, system.size + J.shape[0]
-    moments = [load.vectors[0].at for load in system.loads if isinstance(load, Moment)]
+    moments = [load.vectors[0].at for load in system.loads if load.torque]
     none = np.zeros(0, dtype=np.int64)
     turned = [np.concatenate([none, *(at[pick] for at in moments)]) for pick in ([0, 0, 1, 1], [0, 1, 0, 1])]
     M, S = sparse.coo_array(system.mass), sparse.coo_array(scale * J)
@@ -344,8 +249,4 @@ def saddle_of(system: System, J: sparse.csr_array, scale: float) -> steps.Saddle
     mass[in_M] = M.data
     joints[below] = joints[right] = S.data
     first = np.searchsorted(entries, size * np.arange(size + 1))
-    return steps.Saddle(_index(first), _index(entries % size), mass, joints, elements, of_moments, data)
-
-
-def _index(numbers: Any) -> NDArray[np.uint32]:
-    return np.asarray(numbers).astype(np.uint32)
+    return steps.Saddle(index(first), index(entries % size), mass, joints, elements, of_moments, data)

@@ -8,12 +8,19 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from reference.global_dae.elements import Matrix
-from reference.global_dae.marching import Failure
 
 Array = NDArray[np.float64]
 
 #: Compliance of the rows in the factors, of A's mean diagonal: rows may then depend on each other, as in mechanisms.
 COMPLIANCE = 1e-12
+
+
+class Failure(Exception):
+    """A step that failed: the reason, and the correction or acceleration that shows where."""
+
+    def __init__(self, why: str, change: Array | None = None) -> None:
+        super().__init__(why)
+        self.change = change
 
 
 class Saddle:
@@ -30,8 +37,7 @@ class Saddle:
             raise Failure("the tangent is not finite")
         self.size = A.shape[0]
         self.scale = float(np.abs(A.diagonal()).mean()) or 1.0
-        scaled = self.scale * J
-        blocks: Any = [[A, scaled.T], [scaled, None]] if J.shape[0] else [[A]]
+        blocks: Any = [[A, self.scale * J.T], [self.scale * J, None]] if J.shape[0] else [[A]]
         self.matrix = Matrix(sparse.block_array(blocks, format="csc"))
         softened = np.repeat([0.0, COMPLIANCE * self.scale], [self.size, J.shape[0]])
         try:
@@ -46,13 +52,17 @@ class Saddle:
         x += self.factors.solve(b - self.matrix @ x)
         return x[: self.size], self.scale * x[self.size :]
 
+    def closest(self, gap: Array) -> Array:
+        """The x with J x = gap that is least in the metric of A, (size,)."""
+        return self.solve(np.zeros(self.size), gap)[0]
+
 
 class Nearest(Saddle):
-    """The least x with J x = misfit."""
+    """The least x with J x = gap."""
 
     def __init__(self, J: sparse.csr_array) -> None:
         super().__init__(Matrix(sparse.eye_array(J.shape[1])), J)
 
-    def __call__(self, misfit: Array) -> Array:
-        """The x of a misfit, (size,)."""
-        return self.solve(np.zeros(self.size), misfit)[0]
+    def __call__(self, gap: Array) -> Array:
+        """The x of a gap, (size,)."""
+        return self.closest(gap)

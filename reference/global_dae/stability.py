@@ -22,44 +22,34 @@ DENSE, NEAREST = 600, 6
 
 
 class Stability(NamedTuple):
-    """Negative eigenvalues among free motions; whether one is zero; the coordinate that moves most, or −1."""
+    """Negative eigenvalues among free motions; whether one is zero; the body that moves most, where it is known."""
 
     negative: int
     singular: bool
-    place: int
-
-
-def limit(psi: float, phi: float) -> float:
-    """Largest stable h ω of Zhai's integrator without damping: √(2/ψ) for ψ = φ ≥ ½; 0 for others: refused."""
-    return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
+    body: str | None = None
 
 
 def highest(system: System) -> tuple[float, float]:
     """Largest angular frequency of the undeformed scene, rad/s, and largest rate of damping, 1/s."""
-    q, still, M = system.layout.reference, system.still, system.mass
+    q, still = system.layout.reference, system.still
     K = system.tangents(q, still, 0.0)
-    D = system.tangents(q, still, 0.0, by_velocity=1.0) - K
-    p = system.constraints.parameters(0.0)
+    D = Matrix(system.tangents(q, still, 0.0, by_velocity=1.0) - K)
+    return sqrt(max(_largest(system, K), 0.0)), max(_largest(system, D), 0.0)
 
-    def largest(A: Matrix) -> float:
-        A = Matrix(0.5 * (A + A.T))
-        if not A.nnz:
-            return 0.0
-        if system.size <= DENSE:
-            Z = free_motions(system, q, p)
-            n = Z.shape[1]
-            values = (
-                eigh(Z.T @ (A @ Z), Z.T @ (M @ Z), eigvals_only=True, subset_by_index=[n - 1, n - 1])
-                if n
-                else [0.0]
-            )
-            return float(values[0])
-        inverse = _constrained_inverse(M, system, q, p)
-        start = inverse @ np.random.default_rng(0).standard_normal(system.size)
-        options: Any = {"M": M, "Minv": inverse, "v0": start, "tol": 1e-8}
-        return float(eigsh(A, 1, return_eigenvectors=False, **options)[0])
 
-    return sqrt(max(largest(K), 0.0)), max(largest(D), 0.0)
+def _largest(system: System, A: Matrix) -> float:
+    """Largest eigenvalue of A x = λ M x among free motions."""
+    q, M, p = system.layout.reference, system.mass, system.constraints.parameters(0.0)
+    A = Matrix(0.5 * (A + A.T))
+    if not A.nnz:
+        return 0.0
+    if system.size <= DENSE:
+        Z = free_motions(system, q, p)
+        return float(eigh(Z.T @ (A @ Z), Z.T @ (M @ Z), eigvals_only=True)[-1]) if Z.shape[1] else 0.0
+    inverse = _constrained_inverse(M, system, q, p)
+    start = inverse @ np.random.default_rng(0).standard_normal(system.size)
+    options: Any = {"M": M, "Minv": inverse, "v0": start, "tol": 1e-8}
+    return float(eigsh(A, 1, return_eigenvectors=False, **options)[0])
 
 
 def check_step(system: System) -> None:
@@ -70,7 +60,7 @@ def check_step(system: System) -> None:
     StabilityError
         Naming the step and the largest one allowed.
     """
-    run = system.layout.run
+    run = system.run
     frequency, largest = largest_step(system)
     if run.dt > largest * (1.0 + 1e-9):
         raise StabilityError(
@@ -83,19 +73,21 @@ def check_step(system: System) -> None:
 def largest_step(system: System) -> tuple[float, float]:
     """Highest angular frequency, rad/s, and the largest stable step of Zhai's integrator, s.
 
+    Without damping h ω is at most √(2/ψ) for ψ = φ ≥ ½. An oscillation about rest changes sign in a step at
+    ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping.
+
     Raises
     ------
     StabilityError
         If no step is stable with its parameters.
     """
-    run = system.layout.run
-    if limit(run.psi, run.phi) == 0.0:
+    run = system.run
+    if not run.psi == run.phi >= 0.5:
         raise StabilityError(
             f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
             f"at any step or have no larger stable step (check_stability=False runs it all the same)"
         )
     frequency, damping = highest(system)
-    # an oscillation about rest changes sign in a step at ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping
     rate = (0.5 + run.phi) * damping
     both = rate + sqrt(rate * rate + 2.0 * run.psi * frequency**2)
     return frequency, 2.0 / both if both > 0.0 else inf
@@ -118,17 +110,18 @@ def stability(system: System, A: Matrix, q: Array, p: Array) -> Stability:
         inverse = _constrained_inverse(A, system, q, p)
         options: Any = {"M": system.mass, "sigma": 0.0, "OPinv": inverse, "v0": np.ones(system.size)}
         nearest = eigsh(A, NEAREST, return_eigenvectors=False, **options)
-        return Stability(int((nearest < 0.0).sum()), False, -1)
+        return Stability(int((nearest < 0.0).sum()), False)
     Z = free_motions(system, q, p)
     if not Z.shape[1]:
-        return Stability(0, False, -1)
+        return Stability(0, False)
     B = Z.T @ (A @ Z)
     scale = np.abs(np.diagonal(B))
     scale = 1.0 / np.sqrt(np.where(scale > 0.0, scale, max(float(scale.max()), 1e-300)))
     values, modes = np.linalg.eigh(scale[:, None] * B * scale)
     nothing = NOTHING * max(float(np.abs(values).max()), 1e-300)
     place = int(np.abs((Z @ (scale * modes[:, 0])) / system.layout.unit).argmax())
-    return Stability(int((values < -nothing).sum()), bool((np.abs(values) <= nothing).any()), place)
+    body = system.layout.owner(place)[0]
+    return Stability(int((values < -nothing).sum()), bool((np.abs(values) <= nothing).any()), body)
 
 
 def _constrained_inverse(A: Matrix, system: System, q: Array, p: Array) -> LinearOperator:

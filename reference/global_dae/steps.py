@@ -1,6 +1,6 @@
 """Compiled steps of the rival: Zhai's explicit ones, and generalized-α in index-3 form by a modified Newton iteration.
 
-Formulas as in `reference.global_dae.explicit` and `reference.global_dae.implicit`.
+Formulas as in `reference.global_dae.integrators`.
 """
 
 from typing import NamedTuple
@@ -9,21 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference.global_dae.elements import Elements, add_tangents, damping_forces, forces
-from reference.global_dae.kernels import allocating, inlined, kernel
-from reference.global_dae.lu import LU, Index, refactor, solve_factored
+from reference.global_dae.factors import Factors, Index, factor, solve_factored
+from reference.global_dae.kernels import inlined, kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Newton iterations of a step at most; ratio of corrections above which the matrix is renewed; corrections of a
-#: step from which on it is renewed before the next.
-ITERATIONS, SLOW, MANY = 30, 0.3, 5
-#: Roundings of the largest terms that a residual may have; values above HUGE have left all bounds.
-ROUNDINGS, EPSILON, HUGE = 8.0, float(np.finfo(np.float64).eps), 1e60
-#: How a step ended.
-DONE, FAILED, SINGULAR = 0, 1, 2
-#: Places of the counts: Newton's corrections, factorizations, whether factors can be used, how the last step ended.
-CORRECTIONS, FACTORIZATIONS, USABLE, ENDED = range(4)
+#: Newton iterations of a step at most; ratio of corrections above which the matrix is renewed; a correction that is
+#: rounding where it no longer falls; values above HUGE have left all bounds.
+ITERATIONS, SLOW, STALLED, HUGE = 30, 0.3, 1e-8, 1e60
+#: Places of the counts: Newton's corrections, factorizations, whether factors can be used.
+CORRECTIONS, FACTORIZATIONS, USABLE = range(3)
 
 
 class Scheme(NamedTuple):
@@ -52,7 +48,7 @@ class Rows(NamedTuple):
     first: Index
     column: Index
     factor: Array
-    gram: LU
+    gram: Factors
     gap: Array
     change: Array
 
@@ -79,30 +75,27 @@ class Saddle(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """State, and scratch: q, v, a, the auxiliary a or the a before, damping forces, (n,); μ/s, (m,).
+    """State, and scratch: q, v, a, the auxiliary a or the a before, (n,); μ/s, (m,).
 
-    new_q, new_v, new_a, force, new_damping, (n,); right, left, (n + m,). unit: sizes of the coordinates; change: where
-    a step has failed; residuals: of its iteration; counts: see above; power: that of damping at the last step.
+    new_q, new_v, new_a, force, damping, (n,); right, left, (n + m,). unit: sizes of the coordinates; change: where a
+    step has failed; counts: see above.
     """
 
     q: Array
     v: Array
     a: Array
     auxiliary: Array
-    damping: Array
     mu: Array
     new_q: Array
     new_v: Array
     new_a: Array
     force: Array
-    new_damping: Array
+    damping: Array
+    change: Array
     right: Array
     left: Array
     unit: Array
-    change: Array
-    residuals: Array
     counts: Ints
-    power: Array
 
 
 class Equations(NamedTuple):
@@ -113,7 +106,7 @@ class Equations(NamedTuple):
     rows: Rows
     loads: Loads
     dead: Array
-    lu: LU
+    factors: Factors
     saddle: Saddle
     full: Array
     motion: Motion
@@ -129,40 +122,30 @@ class Tables(NamedTuple):
 
 
 class History(NamedTuple):
-    """At each step: q, v, a, (steps, n), μ, (steps, m), and the work of damping in it, (steps,)."""
+    """At each step: q, v, a, (steps, n), μ, (steps, m), and the power of damping, (steps,)."""
 
     q: Array
     v: Array
     a: Array
     mu: Array
-    lost: Array
+    power: Array
 
 
 # --- what both share ------------------------------------------------------------------------------------------
 
 
 @inlined
-def place_of(loads: Loads, k: int, q: Array) -> tuple[float, float]:
-    """The vector that load k acts on."""
-    x, y = 0.0, 0.0
-    for t in range(loads.first[k], loads.first[k + 1]):
-        x += loads.weight[t] * q[loads.at[t]]
-        y += loads.weight[t] * q[loads.at[t] + 1]
-    return x, y
-
-
-@inlined
-def applied(equations: Equations, values: Array, q: Array, v: Array, damping: Array) -> None:
+def applied(equations: Equations, values: Array, q: Array, v: Array) -> None:
     """Forces of gravity, elasticity, damping and loads into `right`; of a moment M on g it is M (−g_y, g_x)/|g|²."""
     loads, m = equations.loads, equations.motion
     forces(equations.elements, q, m.force)
-    damping_forces(equations.elements, q, v, damping)
+    damping_forces(equations.elements, q, v, m.damping)
     for i in range(len(q)):
-        m.right[i] = equations.dead[i] - m.force[i] + damping[i]
+        m.right[i] = equations.dead[i] - m.force[i] + m.damping[i]
     for k in range(len(loads.torque)):
         u, w = values[k, 0], values[k, 1]
-        if loads.torque[k]:
-            x, y = place_of(loads, k, q)
+        if loads.torque[k]:  # on one vector of a node
+            x, y = q[loads.at[loads.first[k]]], q[loads.at[loads.first[k]] + 1]
             moment = u / (x * x + y * y)
             u, w = -moment * y, moment * x
         for t in range(loads.first[k], loads.first[k + 1]):
@@ -170,14 +153,16 @@ def applied(equations: Equations, values: Array, q: Array, v: Array, damping: Ar
             m.right[loads.at[t] + 1] += loads.weight[t] * w
 
 
-@allocating
-def solve_dense(saddle: Saddle, full: Array, right: Array, left: Array) -> None:
+def _solve_dense(saddle: Saddle, full: Array, right: Array, left: Array) -> None:
     """From `right` into `left` by LAPACK."""
     full[:] = 0.0
     for j in range(len(saddle.column) - 1):
         for t in range(saddle.column[j], saddle.column[j + 1]):
             full[saddle.row[t], j] = saddle.data[t]
     left[:] = np.linalg.solve(full, right)
+
+
+solve_dense = kernel(_solve_dense, memory=True)
 
 
 @inlined
@@ -187,7 +172,7 @@ def solve(equations: Equations) -> None:
     if equations.scheme.dense:
         solve_dense(equations.saddle, equations.full, m.right, m.left)
     else:
-        solve_factored(equations.lu, m.right, m.left)
+        solve_factored(equations.factors, m.right, m.left)
 
 
 @inlined
@@ -200,13 +185,15 @@ def bounded(x: Array) -> bool:
 
 
 @inlined
-def store(m: Motion, history: History, k: int, scale: float, lost: float) -> None:
+def store(m: Motion, history: History, k: int, scale: float) -> None:
     """Store the state as the k-th of a history."""
+    power = 0.0
     for i in range(len(m.q)):
         history.q[k, i], history.v[k, i], history.a[k, i] = m.q[i], m.v[i], m.a[i]
+        power += m.damping[i] * m.v[i]
     for j in range(len(m.mu)):
         history.mu[k, j] = scale * m.mu[j]
-    history.lost[k] = lost
+    history.power[k] = power
 
 
 # --- explicit steps -------------------------------------------------------------------------------------------
@@ -251,10 +238,8 @@ def explicit_steps(equations: Equations, first: int, tables: Tables, history: Hi
     for k in range(len(tables.b)):
         if first + k > 0:
             advance(s, equations.rows, m, tables.b[k], tables.rate[k])
-        applied(equations, tables.loads[k], m.q, m.v, m.damping)
-        power, before = 0.0, m.power[0]
+        applied(equations, tables.loads[k], m.q, m.v)
         for i in range(n):
-            power += m.damping[i] * m.v[i]
             m.change[i] = m.right[i]
         for j in range(len(m.mu)):
             m.right[n + j] = s.scale * tables.acceleration[k, j]
@@ -269,9 +254,7 @@ def explicit_steps(equations: Equations, first: int, tables: Tables, history: Hi
             m.auxiliary[i] = m.a[i] if first + k == 0 else m.auxiliary[i]
         for j in range(len(m.mu)):
             m.mu[j] = m.left[n + j]
-        before = -power if first + k == 0 else before
-        m.power[0] = power
-        store(m, history, k, s.scale, 0.5 * s.h * (power + before))
+        store(m, history, k, s.scale)
     return len(tables.b)
 
 
@@ -288,7 +271,7 @@ def assemble(equations: Equations, values: Array, q: Array) -> None:
     at = 0
     for k in range(len(loads.torque)):
         if loads.torque[k]:
-            x, y = place_of(loads, k, q)
+            x, y = q[loads.at[loads.first[k]]], q[loads.at[loads.first[k]] + 1]
             s = x * x + y * y
             m = values[k, 0] / (s * s)  # −M times the second derivatives of atan2(y, x)
             data[matrix.moments[at]] -= 2.0 * m * x * y
@@ -299,11 +282,11 @@ def assemble(equations: Equations, values: Array, q: Array) -> None:
 
 
 @inlined
-def residual(equations: Equations, values: Array, b: Array) -> float:
-    """[f − M q̈ − Jᵀμ; s (b − J q)] into `right`; its largest component, infinite if one is out of bounds."""
+def residual(equations: Equations, values: Array, b: Array) -> None:
+    """[f − M q̈ − Jᵀμ; s (b − J q)] into `right`."""
     matrix, m = equations.saddle, equations.motion
     n, right = len(m.q), m.right
-    applied(equations, values, m.new_q, m.new_v, m.new_damping)
+    applied(equations, values, m.new_q, m.new_v)
     for j in range(len(b)):
         right[n + j] = equations.scheme.scale * b[j]
     for j in range(len(right)):
@@ -311,29 +294,6 @@ def residual(equations: Equations, values: Array, b: Array) -> float:
         x = m.new_q[j] if j < n else m.mu[j - n]
         for t in range(matrix.column[j], matrix.column[j + 1]):
             right[matrix.row[t]] -= matrix.mass[t] * a + matrix.joints[t] * x
-    if not bounded(right):
-        return np.inf
-    largest = 0.0
-    for i in range(len(right)):
-        largest = max(largest, abs(right[i]))
-    return largest
-
-
-@inlined
-def at_rounding(matrix: Saddle, m: Motion, dead: Array) -> bool:
-    """Whether the residual is as small as rounding of its terms, |A| |q| and the forces, lets it be."""
-    n = len(m.q)
-    m.left[:] = 0.0
-    for i in range(n):
-        m.left[i] = abs(m.force[i]) + abs(dead[i])
-    for j in range(len(matrix.column) - 1):
-        value = abs(m.new_q[j]) if j < n else abs(m.mu[j - n])
-        for t in range(matrix.column[j], matrix.column[j + 1]):
-            m.left[matrix.row[t]] += abs(matrix.data[t]) * value
-    terms, found = 0.0, 0.0
-    for i in range(n):
-        terms, found = max(terms, m.left[i]), max(found, abs(m.right[i]))
-    return found <= ROUNDINGS * EPSILON * terms
 
 
 @inlined
@@ -367,47 +327,37 @@ def correct(s: Scheme, m: Motion) -> float:
 
 
 @inlined
-def newton(full: bool, equations: Equations, values: Array, b: Array) -> int:
+def newton(full: bool, equations: Equations, values: Array, b: Array) -> bool:
     """Find q_{n+1} and μ_{n+1}: with a new matrix each time if `full`, else with an old one while it contracts."""
     s, m = equations.scheme, equations.motion
     before, renew = np.inf, full or m.counts[USABLE] == 0
-    m.residuals[:] = 0.0
-    for iteration in range(ITERATIONS):
-        m.residuals[iteration] = residual(equations, values, b)
-        if m.residuals[iteration] == np.inf:
-            return FAILED
-        fresh = renew
+    for _ in range(ITERATIONS):
+        residual(equations, values, b)
+        if not bounded(m.right):
+            return False
         if renew:
             assemble(equations, values, m.new_q)
             m.counts[FACTORIZATIONS] += 1
-            m.counts[USABLE] = int(s.dense or refactor(equations.lu, equations.saddle.data))
+            m.counts[USABLE] = int(s.dense or factor(equations.factors, equations.saddle.data))
             if m.counts[USABLE] == 0:
-                return SINGULAR
+                return False
         solve(equations)
         size = correct(s, m)
         m.counts[CORRECTIONS] += 1
-        if size <= s.tolerance:
-            if iteration + 1 >= MANY:
-                m.counts[USABLE] = 0
-            return DONE
-        if fresh and size > 0.5 * before and at_rounding(equations.saddle, m, equations.dead):
-            return DONE
+        if size <= s.tolerance or (renew and 0.5 * before < size <= STALLED):
+            return True
         renew = full or size > SLOW * before
         before = size
-    return FAILED
+    return False
 
 
 @inlined
-def accept(s: Scheme, m: Motion) -> float:
-    """Make the new state the present one; the work of damping over the step."""
-    lost = 0.0
+def accept(s: Scheme, m: Motion) -> None:
+    """Make the new state the present one."""
     for i in range(len(m.q)):
-        lost += 0.5 * (m.new_damping[i] + m.damping[i]) * (m.new_q[i] - m.q[i])
-        m.damping[i] = m.new_damping[i]
         mean = (1.0 - s.alpha_f) * m.new_a[i] + s.alpha_f * m.a[i]
         m.auxiliary[i] = (mean - s.alpha_m * m.auxiliary[i]) / (1.0 - s.alpha_m)
         m.q[i], m.v[i], m.a[i] = m.new_q[i], m.new_v[i], m.new_a[i]
-    return lost
 
 
 @kernel
@@ -417,21 +367,19 @@ def implicit_steps(equations: Equations, first: int, tables: Tables, history: Hi
     Returns
     -------
     int
-        How many were done; how the last one ended is in the counts.
+        How many were done: fewer if Newton's iteration does not converge.
     """
     s, m = equations.scheme, equations.motion
     for k in range(len(tables.b)):
-        lost = 0.0
         if first + k > 0:
-            code = FAILED
+            done = False
             for attempt in range(2):
-                if code == FAILED and (attempt == 0 or not s.dense):
+                if not done and (attempt == 0 or not s.dense):
                     predict(s, m)
-                    code = newton(attempt == 1 or s.dense, equations, tables.loads[k], tables.b[k])
-            m.counts[ENDED] = code
-            if code != DONE:
+                    done = newton(attempt == 1 or s.dense, equations, tables.loads[k], tables.b[k])
+            if not done:
                 return k
-            damping_forces(equations.elements, m.new_q, m.new_v, m.new_damping)
-            lost = accept(s, m)
-        store(m, history, k, s.scale, lost)
+            accept(s, m)
+        damping_forces(equations.elements, m.q, m.v, m.damping)
+        store(m, history, k, s.scale)
     return len(tables.b)

@@ -66,14 +66,11 @@ class Stack:
     """
 
     def __init__(self, vectors: Sequence[Vector], size: int) -> None:
-        none = np.zeros(0, dtype=np.int64)
-        values = np.concatenate([np.zeros(0), *(vector.A.ravel() for vector in vectors)])
-        rows = np.concatenate(
-            [none, *(np.repeat([2 * k, 2 * k + 1], len(v.at)) for k, v in enumerate(vectors))]
-        )
-        columns = np.concatenate([none, *(np.tile(vector.at, 2) for vector in vectors)])
-        self.V = sparse.csr_array((values, (rows, columns)), shape=(2 * len(vectors), size))
-        self.c = np.concatenate([np.zeros(0), *(vector.constant for vector in vectors)])
+        V = sparse.lil_array((2 * len(vectors), size))
+        for k, vector in enumerate(vectors):
+            V[2 * k : 2 * k + 2, vector.at] = vector.A
+        self.V = sparse.csr_array(V)
+        self.c = np.array([vector.constant for vector in vectors]).ravel()
 
     def __call__(self, q: Array) -> Array:
         """Their values, (vectors, 2)."""

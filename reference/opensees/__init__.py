@@ -13,7 +13,6 @@ consistent mass keep it in their first direction, an error of second order in th
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from time import process_time
 from typing import Any, ClassVar
 
@@ -25,7 +24,7 @@ from anctmm.elements.kinds import optional_beside
 from anctmm.errors import UnsupportedError, shown
 from anctmm.model.drives import tabulate
 from anctmm.model.needs import MECHANISMS
-from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
+from anctmm.model.scene import Beam, Clamp, Scene
 from anctmm.results.fields import InterpolatedField
 from anctmm.results.solution import Cost, Solution
 from anctmm.results.status import Status
@@ -55,9 +54,12 @@ OFFER = Offer(
     limits={"cable": "elastica"},
     choices=CHOICES,
 )
-#: Angles at most beyond half a turn that rounding leaves, rad; part of half a turn above which a chord is the reason of
-#: a failure.
-ROUNDING, NEAR = 1e-9, 0.85
+#: Angles at most beyond half a turn that rounding leaves, rad.
+ROUNDING = 1e-9
+#: Why a chord that has turned further is none that OpenSees knows.
+HALF_TURN = (
+    "OpenSees' frames turn with their chords, whose angles jump from π to −π: at most half a turn is needed"
+)
 
 
 def solve(
@@ -74,17 +76,11 @@ def solve(
     Parameters
     ----------
     scene : Scene
-        Beams joined in any way by pins and welds: chains, trees, loops; clamps turn by half a turn at most.
     run : Discretisation, optional
-        "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm of a correction, of
-        displacements and rotations. `element` and `quadrature` are not used. Or its fields as keywords.
-    beam : str
-        "elastic": elasticBeamColumn with a consistent mass; "elastic-lumped": with masses at its nodes; "nonlinear":
-        dispBeamColumnNL, whose rotations stretch its axis, with masses at its nodes.
-    algorithm : str
-        Newton's iteration, one of `ALGORITHMS`.
-    system : str
-        OpenSees' solver of linear equations, one of `SYSTEMS`.
+        Or its fields as keywords. "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm
+        of a correction, of displacements and rotations. `element` and `quadrature` are not used.
+    beam, algorithm, system : str
+        Of `BEAMS`, `ALGORITHMS` and `SYSTEMS`.
 
     Returns
     -------
@@ -105,18 +101,10 @@ def solve_static(
     system: str = "BandGeneral",
     **options: Any,
 ) -> Solution:
-    """Equilibrium of a scene by OpenSees; `t` of the solution are load factors.
+    """Equilibrium of a scene by OpenSees, loads and drives as they are at t = 0; `t` are load factors.
 
-    Parameters
-    ----------
-    scene : Scene
-        Loads and drives as they are at t = 0.
-    run : Discretisation, optional
-        Or its fields as keywords; its mesh is used.
-    load_steps : int
-        Equal steps of the load; those that fail are halved.
-    beam, algorithm, system
-        As for `solve`. The nonlinear beam has the smaller error by two powers of ten on a mesh of eight elements.
+    Steps of the load that fail are halved. The nonlinear beam has the smaller error by two powers of ten on a mesh of
+    eight elements.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm, system=system).solution()
@@ -135,13 +123,6 @@ class Frames(Adapter):
     packages: ClassVar[tuple[str, ...]] = PACKAGES
     offer: ClassVar[Offer] = OFFER
     memory: ClassVar[tuple[float, float]] = (1_500.0, 150.0)
-    integrators: ClassVar[Mapping[str, str]] = {
-        "zhai": (
-            "OpenSees' explicit steps need a mass for every coordinate, and its beams give rotations none that is "
-            "diagonal: 'generalized-alpha' is needed"
-        ),
-        "esdirk": "OpenSees' implicit steps are of second order: 'generalized-alpha' is needed",
-    }
 
     def __post_init__(self) -> None:
         self.began = process_time()
@@ -149,30 +130,15 @@ class Frames(Adapter):
         one_of("algorithm", self.algorithm, ALGORITHMS)
         one_of("system", self.system, SYSTEMS)
 
-    @classmethod
-    def version(cls) -> str:
-        """Version of the code; empty where it is not installed, or hidden."""
-        return super().version() if any(map(_there, PACKAGES)) else ""
-
     def check(self) -> None:
-        """Refuse damping, unknown kinds, and clamps that turn too far: a chord's angle is taken in (−π, π]."""
+        """Refuse damping, and clamps that turn too far."""
         undamped(self.scene, "OpenSees damps whole models by stiffness matrices that turn nothing")
-        for thing, kinds in (
-            *((j, Pin | Weld | Clamp) for j in self.scene.joints),
-            *((x, Force | Torque) for x in self.scene.loads),
-        ):
-            if not isinstance(thing, kinds):
-                raise UnsupportedError(
-                    f"{shown(thing)} of type {type(thing).__name__} is not known to {self.title}"
-                )
         for clamp, angles in () if self.static else self._driven():
             far = np.flatnonzero(np.abs(angles) > np.pi + ROUNDING)
             if far.size:
                 time = float(self.run.times(far[:1])[0])
                 raise UnsupportedError(
-                    f"{shown(clamp)} has turned by more than half a turn at t = {time:.6g} s; OpenSees' frames turn "
-                    f"with their chords, whose angles jump from π to −π; there Newton's iteration fails on every mesh: "
-                    f"at most half a turn is needed"
+                    f"{shown(clamp)} has turned by more than half a turn at t = {time:.6g} s; {HALF_TURN}"
                 )
 
     def build(self) -> Frame:
@@ -187,14 +153,19 @@ class Frames(Adapter):
         if not self.static:
             t = self.run.times(self.run.output_steps)[: len(t)]
             analysis = _as_driven(model, t, analysis)
-        turns = _chord_turns(model, analysis)
         kept, status = len(t), Status()
-        if (beyond := np.flatnonzero((np.abs(turns) > np.pi).any(axis=1))).size:
+        turns = _chord_turns(model, analysis)
+        if (beyond := np.flatnonzero(np.abs(turns).max(axis=1) > np.pi)).size:
             kept = int(beyond[0])
-            time = float(t[kept])
-            status = Status("failed", *_too_far(model, turns[kept], time))
+            status = self._too_far(model, turns[kept], float(t[kept]))
         elif analysis.trouble:
-            status = self._failure(model, analysis, turns)
+            reached = float(t[-1]) if len(t) else 0.0
+            where, advice = f"beyond load factor {reached:.6g}", "more load_steps, and hold every body"
+            if not self.static:
+                reached = float(self.run.times(np.array([min(analysis.steps + 1, steps)]))[0])
+                where, advice = f"before t = {reached:.6g} s", f"a dt below {self.run.dt:g} s"
+            why = f"{analysis.trouble} {where}; {advice} may help; {HALF_TURN}"
+            status = Status("failed", why, reached)
         fields = {body.name: _field(model, body, analysis).until(kept) for body in self.scene.beams}
         spent = process_time() - self.began + analysis.whole - analysis.cpu
         cost = Cost(analysis.cpu, analysis.wall, analysis.steps, build_s=spent, compile_s=0.0)
@@ -207,25 +178,12 @@ class Frames(Adapter):
                 t = self.run.times(np.arange(self.run.steps + 1))
                 yield joint, tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 0]
 
-    def _failure(self, frame: Frame, analysis: Analysis, turns: Array) -> Status:
-        run, reached = self.run, float(analysis.t[-1]) if len(analysis.t) else 0.0
-        time, step = reached, None
-        where, advice = f"beyond load factor {reached:.6g}", "more load_steps may help, and hold every body"
-        if not self.static:
-            step = min(analysis.steps + 1, run.steps)
-            time = float(run.times(np.array([step]))[0])
-            where, advice = f"in step {step} (t = {time:.6g} s)", f"a dt below {run.dt:g} s may help"
-        if len(turns) and np.abs(turns[-1]).max() > NEAR * np.pi:
-            why, _, _, body, element = _too_far(frame, turns[-1], time)
-            return Status("failed", f"{analysis.trouble} {where}: {why}", time, step, body, element)
-        return Status("failed", f"{analysis.trouble} {where}; {advice}", time, step)
-
-
-def _there(package: str) -> bool:
-    try:
-        return find_spec(package) is not None
-    except ValueError:  # set to None, as where it is hidden
-        return False
+    def _too_far(self, frame: Frame, turns: Array, time: float) -> Status:
+        """Of a run in which a chord has turned too far."""
+        owners = [(name, k) for name, count in frame.counts.items() for k in range(count)]
+        body, element = owners[int(np.abs(turns).argmax())]
+        why = f"element {element} of body {body!r} has turned by {np.abs(turns).max():.3g} rad; {HALF_TURN}"
+        return Status("failed", why, time, None, body, element)
 
 
 def _as_driven(frame: Frame, t: Array, analysis: Analysis) -> Analysis:
@@ -254,20 +212,6 @@ def _chord_turns(frame: Frame, analysis: Analysis) -> Array:
         mean = 0.5 * (angles[:, 1:] + angles[:, :-1])
         found.append(seen + 2.0 * np.pi * np.round((mean - seen) / (2.0 * np.pi)))
     return np.concatenate(found, axis=1)
-
-
-def _too_far(frame: Frame, turns: Array, time: float) -> tuple[str, float, None, str, int]:
-    """Message, time, step, body and element of the chord that has turned furthest."""
-    index = int(np.argmax(np.abs(turns)))
-    angle = turns[index]
-    ends = np.cumsum([*frame.counts.values()])
-    k = int(np.searchsorted(ends, index, side="right"))
-    body, index = [*frame.counts][k], index - int(ends[k]) + [*frame.counts.values()][k]
-    why = (
-        f"element {index} of body {body!r} has turned by {angle:.3g} rad; OpenSees' frames, which turn with their "
-        f"chords, know no more than half a turn from the start"
-    )
-    return why, time, None, body, index
 
 
 def _field(frame: Frame, body: Beam, analysis: Analysis) -> InterpolatedField:

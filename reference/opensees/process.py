@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -22,8 +21,6 @@ WORKER = Path(__file__).with_name("worker.py")
 PACKAGES = ("opensees", "openseespy")
 #: Linear algebra inside OpenSees on one thread, as everywhere here.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-#: Lines of what OpenSees has printed that a message repeats.
-LINES = 3
 
 
 @dataclass(frozen=True)
@@ -34,12 +31,9 @@ class Analysis:
     ----------
     t : ndarray, shape (n,)
         Times (s) or load factors.
-    displacements : ndarray, shape (n, nodes, 3)
-        Along x and y (m), and rotations (rad).
-    velocities : ndarray, shape (n, nodes, 3), or None
-        Their rates, of a motion.
+    displacements, velocities : ndarray, shape (n, nodes, 3)
+        Along x and y (m), and rotations (rad), and their rates; the latter None in statics.
     steps : int
-        Steps done.
     cpu, wall, whole : float
         Processor and wall time of the steps, and processor time of the whole process, s.
     trouble : str
@@ -70,43 +64,26 @@ def analyse(job: dict[str, Any]) -> Analysis:
             input=json.dumps(job), text=True, errors="replace", capture_output=True, env=os.environ | ONE_THREAD,
             check=False,
         )  # fmt: skip
+        said = ended.stderr.strip().splitlines()[-1:]
         if "ImportError" in ended.stderr:
-            raise not_installed(PACKAGES, _last_lines(ended.stderr))
-        rows = Path(folder, "rows")
+            raise not_installed(PACKAGES, said[0])
+        rows, end_file = Path(folder, "rows"), Path(folder, "end.json")
         numbers = np.fromfile(rows) if rows.exists() else np.empty(0)
-        end_file = Path(folder, "end.json")
         end = json.loads(end_file.read_text()) if ended.returncode == 0 and end_file.exists() else None
-    return _read(job, numbers, end, ended)
-
-
-def _read(
-    job: dict[str, Any], numbers: Array, end: dict[str, Any] | None, ended: subprocess.CompletedProcess[str]
-) -> Analysis:
-    nodes, parts = len(job["nodes"]), 1 if job["static"] else 2
-    width = 1 + 3 * nodes * parts
-    rows = numbers[: len(numbers) // width * width].reshape(-1, width)
-    finite = np.isfinite(rows).all(axis=1)
-    rows = rows[: len(rows) if finite.all() else int(np.argmin(finite))]
-    states = rows[:, 1:].reshape(len(rows), parts, nodes, 3)
+    t, states = _histories(job, numbers)
     velocities = None if job["static"] else states[:, 1]
     if end is None:
+        trouble = f"the process of OpenSees was ended with exit code {ended.returncode}: {' '.join(said)}"
         nan = float("nan")
-        trouble = f"the process of OpenSees was ended {_by_what(ended)}"
-        return Analysis(rows[:, 0], states[:, 0], velocities, max(len(rows) - 1, 0), nan, nan, nan, trouble)
-    trouble = "" if not end["code"] else "OpenSees' Newton iteration did not converge"
-    return Analysis(
-        rows[:, 0], states[:, 0], velocities, end["steps"], end["cpu"], end["wall"], end["whole"], trouble
-    )
+        return Analysis(t, states[:, 0], velocities, max(len(t) - 1, 0), nan, nan, nan, trouble)
+    trouble = "OpenSees' Newton iteration did not converge" if end["code"] else ""
+    return Analysis(t, states[:, 0], velocities, end["steps"], end["cpu"], end["wall"], end["whole"], trouble)
 
 
-def _by_what(ended: subprocess.CompletedProcess[str]) -> str:
-    told = _last_lines(ended.stderr)
-    said = f": {told}" if told else ""
-    if ended.returncode < 0:
-        return f"by signal {-ended.returncode} ({signal.strsignal(-ended.returncode)}){said}"
-    return f"with exit code {ended.returncode}{said}"
-
-
-def _last_lines(text: str) -> str:
-    lines = [" ".join(line.split()) for line in text.splitlines() if line.strip()]
-    return "; ".join(lines[-LINES:])
+def _histories(job: dict[str, Any], numbers: Array) -> tuple[Array, Array]:
+    """Times, (n,), and states, (n, 1 or 2, nodes, 3), as far as they are whole and finite."""
+    shape = (1 if job["static"] else 2, len(job["nodes"]), 3)
+    width = 1 + int(np.prod(shape))
+    rows = numbers[: len(numbers) // width * width].reshape(-1, width)
+    rows = rows[np.logical_and.accumulate(np.isfinite(rows).all(axis=1))]
+    return rows[:, 0], rows[:, 1:].reshape(-1, *shape)

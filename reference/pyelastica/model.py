@@ -98,8 +98,6 @@ class Rod:
     forces: Array = field(init=False)
     moments: dict[int, tuple[float, float]] = field(init=False)
     held: dict[int, str] = field(init=False)
-    seen: tuple[float, float] = (0.0, 0.0)
-    """Turn of the first element (rad) and mean angular velocity (rad/s) at the last call of `turns`."""
 
     def __post_init__(self) -> None:
         self.stiffness = Stiffness.of(self.body, self.elements, self.shear_factor)
@@ -129,24 +127,6 @@ class Rod:
         along, across = self.axis
         return float(np.arctan2(along * y - across * x, along * x + across * y))
 
-    def turns(self, elapsed: float) -> Array:
-        """Turn of each element's section from the reference, (elements,), rad: any number of whole turns.
-
-        Neighbours lie less than half a turn from each other, and what is clamped from its reference. A rod that is not
-        has turned since the last call, `elapsed` (s) ago, by about its mean angular velocity times that.
-        """
-        x, y = self.rod.director_collection[2, :2]
-        along, across = self.axis
-        found = np.unwrap(np.arctan2(along * y - across * x, along * x + across * y))
-        clamped = [end for end, kind in self.held.items() if kind == "clamp"]
-        spin = float(self.rod.omega_collection[0].mean())
-        anchor, expected = (
-            (clamped[0], 0.0) if clamped else (0, self.seen[0] + 0.5 * (self.seen[1] + spin) * elapsed)
-        )
-        found += 2.0 * np.pi * np.round((expected - found[anchor]) / (2.0 * np.pi))
-        self.seen = float(found[0]), spin
-        return np.asarray(found)
-
     def add_to(self, simulator: Simulator) -> None:
         """Put the rod, its supports and its loads into a simulator."""
         simulator.append(self.rod)
@@ -154,13 +134,6 @@ class Rod:
             node = self.elements if end else 0
             simulator.constrain(self.rod).using(ea.FixedConstraint, constrained_position_idx=(node,))
         simulator.add_forcing_to(self.rod).using(EndsAndWeight, self)
-
-    def energies(self) -> tuple[float, float]:
-        """Kinetic and strain energy, J, by PyElastica's own rules, and that of the clamps' springs."""
-        rod = self.rod
-        kinetic = rod.compute_translational_energy() + rod.compute_rotational_energy()
-        springs = sum(0.5 * k * self.angle(end) ** 2 for end, (_, k) in self.moments.items() if k)
-        return float(kinetic), float(rod.compute_bending_energy() + rod.compute_shear_energy() + springs)
 
     def _inertias(self) -> tuple[float, float]:
         """Mass of an inner node (kg) and inertia of an element (kg m²)."""

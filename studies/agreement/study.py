@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import flexible
 from anctmm.errors import AnctmmError, UnsupportedError
+from anctmm.model.case import Case
 from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
@@ -23,7 +24,7 @@ from studies.cases import assumptions_of
 from studies.engine.study import Result
 from studies.engine.tables import Table
 from studies.report.plots import picture
-from studies.scenes import BaseScene, moving_scenes
+from studies.scenes import moving_scenes
 
 #: Elements of each beam by the element, of the cantilever and of the four-bar: shear elements converge slowly.
 MESHES = {"cable": (16, (4, 16, 4)), "quintic": (8, (1, 4, 1)), "shear": (128, (16, 64, 16))}
@@ -71,7 +72,7 @@ def agreement(quick: bool = False, solvers: Sequence[str] | None = None, **asked
 
 
 def _runs(
-    base: BaseScene, name: str, quick: bool, asked: Mapping[str, Any]
+    base: Case, name: str, quick: bool, asked: Mapping[str, Any]
 ) -> Iterator[tuple[str, Solution | str]]:
     """The element that a solver really uses, with its solution, or why there is none."""
     try:
@@ -112,14 +113,14 @@ def _elements(offer: Offer, asked: str | None, quick: bool) -> Iterator[str]:
             yield element
 
 
-def _mesh(base: BaseScene, element: str, quick: bool) -> Any:
+def _mesh(base: Case, element: str, quick: bool) -> Any:
     """Elements of each beam."""
     one, three = QUICK.get(element, MESHES[element]) if quick else MESHES[element]
     names = [beam.name for beam in base.scene.beams]
     return one if len(names) == 1 else dict(zip(names, three, strict=True))
 
 
-def _pair(base: BaseScene, i: str, one: Solution | str, j: str, other: Solution | str) -> dict[str, Any]:
+def _pair(base: Case, i: str, one: Solution | str, j: str, other: Solution | str) -> dict[str, Any]:
     """Difference of two solutions, by the elements that they use."""
     whole = isinstance(one, Solution) and isinstance(other, Solution)
     found = compare(other, one, base.probes) if whole else None  # type: ignore[arg-type]

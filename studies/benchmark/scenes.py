@@ -34,30 +34,16 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Item:
-    """A run that is timed.
+    """A run that is timed."""
 
-    Parameters
-    ----------
-    contest : str
-        Name of the scene.
-    made : callable
-        Makes the scene.
-    elements : int
-        In all; of rigid bodies their number.
-    kind : str
-        Of the steps: a key of METHODS.
-    options : dict
-        Mesh, element, quadrature; the step where it is not the usual one.
-    solvers : tuple of str
-        Those that run it in turn in `anctmm bench`; the others are compared with the first.
-    """
-
-    contest: str
+    contest: str  # name of the scene
     made: Callable[[], at.Scene]
-    elements: int
-    kind: str
-    options: dict[str, Any] = field(default_factory=dict)
-    solvers: tuple[str, ...] = (OURS,)
+    elements: int  # in all; of rigid bodies their number
+    kind: str  # of the steps: a key of METHODS
+    options: dict[str, Any] = field(
+        default_factory=dict
+    )  # mesh, element, …; the step where it is another one
+    solvers: tuple[str, ...] = (OURS,)  # in turn in `anctmm bench`; the others are compared with the first
 
     @property
     def name(self) -> str:
@@ -191,31 +177,24 @@ def paper() -> at.Scene:
 
 def items(quick: bool = False) -> Iterator[Item]:
     """Everything that is timed."""
-    few = 1 if quick else None
+    like, sparse = (OURS, EXUDYN), (OURS, SPARSE)
     for n in (8, 32) if quick else (8, 32, 128):
-        yield from _items("clamped beam, like settings", chain, n, (OURS, EXUDYN), quadrature="reduced")
-    for each in FOUR_BARS[:few]:
+        yield from _items("clamped beam, like settings", chain, n, like, quadrature="reduced")
+    for each in FOUR_BARS[: 1 if quick else None]:
         mesh, size = dict(zip(("crank", "coupler", "follower"), each, strict=True)), sum(each)
-        like = {"mesh": mesh, "quadrature": "reduced"}
-        yield Item("four-bar, like settings", paper, size, "implicit", like, (OURS, EXUDYN))
+        options: dict[str, Any] = {"mesh": mesh, "quadrature": "reduced"}
+        yield Item("four-bar, like settings", paper, size, "implicit", options, like)
         # the drive begins slowly: in shorter steps nothing would move by more than rounding
-        shear, solvers = {"mesh": mesh, "element": "shear", "dt": 1e-5}, (OURS, SPARSE, DENSE)
-        yield Item("four-bar, the paper's elements", paper, size, "explicit", shear, solvers)
-    for name, made in scenes(10 if quick else 40).items():
-        yield from _items(name, made, 2, (OURS, SPARSE))
+        options = {"mesh": mesh, "element": "shear", "dt": 1e-5}
+        yield Item("four-bar, the paper's elements", paper, size, "explicit", options, (OURS, SPARSE, DENSE))
+    size = 10 if quick else 40
+    yield from _items("hinged chain", partial(zigzag, size, at.Pin), 2, sparse)
+    yield from _items("welded tree", partial(tree, size, at.Weld), 2, sparse)
+    yield from _items("hinged ladder", partial(ladder, size // 2, at.Pin), 2, sparse)
     for n in LENGTHS[: 2 if quick else None]:
         yield from _items(LONG, partial(chain, 0.05 * n), n)
     if not quick:
         yield from _own()
-
-
-def scenes(size: int) -> dict[str, Callable[[], at.Scene]]:
-    """Scenes of several kinds with about so many beams."""
-    return {
-        "hinged chain": partial(zigzag, size, at.Pin),
-        "welded tree": partial(tree, size, at.Weld),
-        "hinged ladder": partial(ladder, size // 2, at.Pin),
-    }
 
 
 def _own() -> Iterator[Item]:

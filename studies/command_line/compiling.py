@@ -24,11 +24,14 @@ MOTIONS: dict[str, dict[str, Any]] = {
 
 def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int | None = None) -> None:
     """Compile what has not been compiled yet."""
-    kinds = [(name, element) for element, name in product(ELEMENTS, (*MOTIONS, "statics", "modes"))]
-    kinds.remove(("modes", "space"))  # which are of the plane
+    first, *others = list[str]((*MOTIONS, "statics", "modes"))
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
-            done(future.result())
+        for names in ((first,), others):  # what all kinds share is compiled with the first
+            kinds = [
+                kind for kind in product(names, ELEMENTS) if kind != ("modes", "space")
+            ]  # no modes in space
+            for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
+                done(future.result())
 
 
 def call(name: str, element: str) -> str:

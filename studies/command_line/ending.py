@@ -3,12 +3,11 @@
 import os
 import sys
 import traceback
-from contextlib import suppress
 from enum import IntEnum
 from typing import Any, NoReturn
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 
 #: Set, and a fault of the program is shown with the place where it happened.
 TRACEBACK = "ANCTMM_TRACEBACK"
@@ -62,18 +61,6 @@ class Command(TyperCommand):
             end_with(error)
 
 
-class Commands(TyperGroup):
-    """All commands; characters that an encoding lacks are question marks, and pictures are files."""
-
-    def main(self, *args: Any, **options: Any) -> Any:
-        """Run a command; ends with an exit code."""
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(AttributeError, ValueError):
-                stream.reconfigure(errors="replace")  # type: ignore[union-attr]
-        os.environ["MPLBACKEND"] = "agg"
-        return super().main(*args, **options)
-
-
 def end_with(error: BaseException) -> NoReturn:
     """Print on standard error in one line why a command ends, and end it with its code."""
     code, text = code_of(error), " ".join(str(error).split())
@@ -84,11 +71,9 @@ def end_with(error: BaseException) -> NoReturn:
         if os.environ.get(TRACEBACK):
             traceback.print_exception(error)
         text = f"internal error of anctmm: {type(error).__name__}: {text} ({TRACEBACK}=1 shows where)"
-    elif code is Code.INTERRUPTED:
-        text = "interrupted"
     elif isinstance(error, SystemExit):
         text = f"code of a plug-in or of a scene called sys.exit({error.code!r}): nothing was done"
-    typer.echo(f"anctmm: {text}", err=True)
+    typer.echo(f"anctmm: {text or 'interrupted'}", err=True)
     raise typer.Exit(code)
 
 
@@ -96,13 +81,12 @@ def code_of(error: BaseException) -> Code:
     """The exit code of an exception that ends a command."""
     from anctmm.errors import AnctmmError
 
-    context: BaseException | None = error
-    while isinstance(context, SystemExit):  # rich ends the program where its output is closed
-        context = context.__context__
-    if isinstance(context, BrokenPipeError):
+    closed = (
+        error.__context__ if isinstance(error, SystemExit) else error
+    )  # rich exits where its output is closed
+    if isinstance(closed, BrokenPipeError):
         return Code.CLOSED
     if isinstance(error, KeyboardInterrupt):
         return Code.INTERRUPTED
-    if isinstance(error, AnctmmError | BadOption | OSError | SystemExit):
-        return Code.BAD_INPUT
-    return Code.FAULT
+    bad = isinstance(error, AnctmmError | BadOption | OSError | SystemExit)
+    return Code.BAD_INPUT if bad else Code.FAULT

@@ -1,8 +1,9 @@
-"""Types of options. An option that cannot be parsed is named with its value and what is allowed."""
+"""Options of commands. One that cannot be parsed is named with its value and what is allowed."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -12,38 +13,33 @@ MESHES = "whole numbers from 1 on for each beam, or for all, such as 2/8/2 or 8"
 NUMBERS = "positive numbers such as 1e-3"
 
 
-def parser(read: Callable[[str], Any], allowed: str) -> Callable[[str], Any]:
-    """A parser of one value; `read` raises ValueError where it cannot."""
+def parser(read: Callable[[str], Any], allowed: str, several: bool = False) -> Callable[[str], Any]:
+    """A parser of one value, or of several between commas, each once; `read` raises ValueError where it cannot."""
 
     def parse(text: str) -> Any:
         try:
-            return read(text.strip())
+            items = [read(item.strip()) for item in (text.split(",") if several else [text])]
         except ValueError:
-            raise typer.BadParameter(f"{text!r}; allowed are {allowed}") from None
+            more = ", or several of these with commas between them" if several else ""
+            raise typer.BadParameter(f"{text!r}; allowed are {allowed}{more}") from None
+        return tuple(dict.fromkeys(items)) if several else items[0]
 
     return parse
 
 
-def listed(read: Callable[[str], Any], allowed: str) -> Callable[[str], Any]:
-    """A parser of several values between commas, each once."""
-    return parser(
-        lambda text: tuple(dict.fromkeys(read(item.strip()) for item in text.split(","))),
-        f"{allowed}, or several of these with commas between them",
-    )
-
-
-def named(names: Callable[[], Iterable[str]], several: bool = False) -> Callable[[str], Any]:
-    """A parser of a name, which looks the names up when it is used, or of several."""
+def named(module: str, names: str, several: bool = False) -> Callable[[str], Any]:
+    """A parser of a name, or of several; the names are looked up in a module when they are needed."""
 
     def parse(text: str) -> Any:
-        allowed = sorted(names())
+        found = getattr(import_module(module), names)
+        allowed = sorted(found() if callable(found) else found)
 
         def read(item: str) -> str:
             if item not in allowed:
                 raise ValueError
             return item
 
-        return (listed if several else parser)(read, ", ".join(allowed))(text)
+        return parser(read, ", ".join(allowed), several)(text)
 
     return parse
 
@@ -71,36 +67,55 @@ def duration(text: str) -> float:
 
 
 def word(text: str) -> str:
-    """A text that is not empty."""
-    if not text:
+    """A text that is not empty, as it may be where a variable of the shell is not set."""
+    if not text.strip("\0 "):
         raise ValueError
     return text
 
 
 def path(given: str | Path) -> Path:
-    """A path as typed, or a default; an empty one, as where a variable of the shell is not set, is refused."""
-    text = str(given)
-    if not text.strip() or "\0" in text:
-        raise typer.BadParameter(f"{text!r} is an empty path, or one with a null character; a path is needed")
-    return Path(text)
+    """A path as typed, or a default."""
+    return Path(parser(word, "paths that are not empty")(str(given)))
 
 
-def solvers() -> list[str]:
-    """Names of solvers."""
-    from anctmm.solvers import registry
-
-    return registry.names()
+def _option(help: str, metavar: str, read: Callable[[str], Any], *names: str) -> Any:
+    return typer.Option(*names, help=help, metavar=metavar, parser=read)
 
 
-def element_names() -> list[str]:
-    """Names of elements."""
-    from anctmm.elements.kinds import KINDS
-
-    return list(KINDS)
-
-
-def integrator_names() -> list[str]:
-    """Names of integrators."""
-    from anctmm.discretise.discretisation import INTEGRATORS
-
-    return list(INTEGRATORS)
+_names = parser(word, "names", several=True)
+# fmt: off
+Text = str | None
+Given = Annotated[str, typer.Argument(help="A built-in scene (see `anctmm list`), or a file that defines CASES.")]
+Some = Annotated[Text, typer.Argument(help="A built-in scene, or a file that defines CASES.")]
+Chosen = Annotated[Text, typer.Option("--case", help="Scene of the file, by name.", metavar="NAME")]
+Meshes = Annotated[Any, _option(
+    "Elements of each beam, or of all: 2/8/2,16.", "LIST", parser(mesh, MESHES, several=True), "--elements")]
+Mesh = Annotated[Any, _option("Elements of each beam, or of all.", "MESH", parser(mesh, MESHES), "--elements")]
+Steps = Annotated[Any, _option(
+    "Time steps, s: 1e-5,5e-6.", "LIST", parser(positive, NUMBERS, several=True), "--dt")]
+Step = Annotated[Any, _option("Time step, s: 1e-3.", "NUMBER", parser(positive, NUMBERS), "--dt")]
+Solvers = Annotated[Any, _option(
+    "Solvers by name (see `anctmm list`): a,b.", "LIST", named("anctmm.solvers.registry", "names", several=True))]
+Element = Annotated[Any, _option(
+    "Element: cable, quintic, shear, rigid.", "NAME", named("anctmm.elements.kinds", "KINDS"))]
+Integrator = Annotated[Any, _option(
+    "Integrator: generalized-alpha, zhai, esdirk.", "NAME",
+    named("anctmm.discretise.discretisation", "INTEGRATORS"))]
+Target = Annotated[Any, _option("Target error, relative: 1e-3.", "NUMBER", parser(positive, NUMBERS), "--error")]
+Budget = Annotated[Any, _option(
+    "CPU time of the steps: 0.5s, 20ms.", "TIME", parser(duration, "positive times such as 20ms, 0.5s"))]
+Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
+Workers = Annotated[int | None, typer.Option(
+    min=1, max=9999, help="Processes that compute errors; times are in turn.")]
+Cluster = Annotated[Text, typer.Option(help="Scheduler of a dask cluster that computes errors: tcp://host:8786.")]
+Out = Annotated[Any, _option("Where files are written; default: results, in CASE/STUDY.", "PATH", path)]
+Trade = Annotated[Any, _option(
+    "Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.", "PATH", path)]
+Rerun = Annotated[bool, typer.Option(help="Run the recommendation and check its error.")]
+Only = Annotated[Any, _option("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST", _names)]
+Checked = Annotated[Any, _option("Solvers by name: a,b.", "LIST", _names)]
+Update = Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")]
+Scenes = Annotated[Any, _option("Your Python file that defines WATCHED.", "PATH", path)]
+Baselines = Annotated[Any, _option(
+    "Stored histories: anctmm's, or baselines/ beside your scenes.", "PATH", path)]
+# fmt: on

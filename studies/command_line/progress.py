@@ -8,13 +8,12 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 import typer
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress
 
 from studies.command_line.ending import Code
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.progress import Progress
-
     from studies.engine.runner import Runner
 
 #: s between two lines where the output is no terminal.
@@ -30,23 +29,19 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
     SweepError
         If both are given, or the cluster cannot be used.
     """
-    from rich.console import Console
-
     from studies.engine.files import store_directory
     from studies.engine.runner import Runner
-    from studies.engine.tables import say
 
-    console, store = Console(stderr=True), store_directory()
-    said = monotonic()
-    with bar(console) as progress:
+    store, said = store_directory(), monotonic()
+    with bar() as progress:
         task = progress.add_task("starting", total=None)
 
         def show(label: str, done: int, total: int) -> None:
             nonlocal said
             progress.update(task, description=label, completed=done, total=total)
-            if not console.is_terminal and monotonic() - said >= SILENT:
+            if progress.disable and monotonic() - said >= SILENT:
                 said = monotonic()
-                say(console, f"anctmm: {label}: {done} of {total}")
+                print(f"anctmm: {label}: {done} of {total}", file=sys.stderr)
 
         runner = Runner(store, quick, workers or 1, cluster or "", show=show)
         try:
@@ -56,13 +51,12 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
             again = shlex.join(["anctmm", *sys.argv[1:]])
             stored = f"Finished runs ({runner.computed} of this session) are stored in {store}; continue with: {again}"
             nowhere = "Nothing is stored: no directory can be written."
-            say(console, f"Interrupted. {stored if store else nowhere}")
+            print(f"Interrupted. {stored if store else nowhere}", file=sys.stderr)
             raise typer.Exit(Code.INTERRUPTED) from None
 
 
-def bar(console: "Console") -> "Progress":
-    """A bar that disappears when it is done; none if the output is no terminal."""
-    from rich.progress import MofNCompleteColumn, Progress
-
+def bar() -> Progress:
+    """A bar that disappears when it is done; none if standard error is no terminal."""
+    console = Console(stderr=True)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

@@ -4,9 +4,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import pandas as pd
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from anctmm.errors import PluginError
 from anctmm.results.status import Status
@@ -14,14 +13,13 @@ from anctmm.solvers import registry
 from studies.conformance.rules import RULES, SIGNATURE, Rule
 from studies.conformance.scenes import cantilever
 from studies.conformance.subject import BrokenRule, Subject
+from studies.engine.tables import say, show_frame
 
-LOADS, INSTALLED = (
-    Rule("loads", "it can be imported"),
-    Rule("installed", "the packages it needs are installed"),
-)
+LOADS = Rule("loads", "it can be imported")
+INSTALLED = Rule("installed", "the packages it needs are installed")
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
-STYLES = {HOLDS: "green", BROKEN: "bold red", NOT_OFFERED: "dim", NOT_RUN: "yellow", NOT_INSTALLED: "yellow"}
+VERDICTS = (HOLDS, BROKEN, NOT_OFFERED, NOT_RUN, NOT_INSTALLED)
 
 
 @dataclass(frozen=True)
@@ -91,24 +89,16 @@ def judge(rule: Rule, subject: Subject) -> Finding:
     return _finding(rule, verdict, f"{value:.2g} {what}", f"{allowed:.2g}")
 
 
-def passed(findings: Sequence[Finding]) -> bool:
-    """Whether no rule is broken, and all were run."""
-    return all(f.verdict in (HOLDS, NOT_OFFERED) for f in findings)
-
-
 def exit_code(findings: Sequence[Finding]) -> int:
     """0 if all rules hold, 1 if one is broken, 4 if none could be tested: what the solver needs is not installed."""
-    return 4 if any(f.verdict == NOT_INSTALLED for f in findings) else 0 if passed(findings) else 1
+    verdicts = {f.verdict for f in findings}
+    return 4 if NOT_INSTALLED in verdicts else 0 if verdicts <= {HOLDS, NOT_OFFERED} else 1
 
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:
     """Print the table and the count of each verdict."""
-    shown = Table(title=f"Solver {name}", title_justify="left", box=None, padding=(0, 2, 0, 0))
-    for head in ("rule", "asks", "measured", "allowed", "verdict"):
-        shown.add_column(head, header_style="dim", no_wrap=head in ("rule", "verdict"))
-    for f in findings:
-        texts = map(escape, (f.rule, f.asks, f.measured, f.allowed))
-        shown.add_row(*texts, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
-    console.print(shown)
+    columns = ["rule", "asks", "measured", "allowed", "verdict"]
+    lines = [[getattr(f, column) for column in columns] for f in findings]
+    show_frame(console, f"Solver {name}", pd.DataFrame(lines, columns=columns))
     counts = Counter(f.verdict for f in findings)
-    console.print(", ".join(f"{counts[verdict]} {verdict}" for verdict in STYLES if counts[verdict]))
+    say(console, ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]))

@@ -17,8 +17,8 @@ EI, MASS = MATERIAL.E * SECTION.second_moment, MATERIAL.density * SECTION.area *
 GRAVITY = 9.81
 #: End of the bar.
 FAR: Point = (LENGTH, 0.0)
-#: Angle of the driven clamp, rad, reached in 2 s; growth of the pull, N/s.
-TURN, PULL = 0.1, 50.0
+UP: Point = (0.0, 1.0)
+DOWN: Point = (0.0, -1.0)
 
 
 def bar(name: str = "bar", start: Point = (0.0, 0.0), angle: float = 0.0) -> at.Beam:
@@ -38,14 +38,8 @@ def falling() -> Scene:
     return Scene("free bar", (bar(),), gravity=(0.0, -GRAVITY))
 
 
-def pulled() -> Scene:
-    """Free, pulled along its axis by a force that grows with time."""
-    return Scene("free bar", (bar(),), loads=(at.Force("bar.end", lambda t: (PULL * t, 0.0 * t)),))
-
-
-def loaded() -> Scene:
-    """The static scene: P L²/(E I) = 2 down, and an end moment the other way."""
-    loads = (at.Force("bar.end", (0.0, -2.0 * EI / LENGTH**2)), at.Torque("bar.end", 0.3 * EI / LENGTH))
+def pressed(*loads: Any) -> Scene:
+    """Clamped, under loads alone."""
     return Scene("loaded cantilever", (bar(),), (at.Clamp("bar.start"),), loads)
 
 
@@ -62,11 +56,6 @@ def more(**parts: Any) -> Change:
     return change
 
 
-def joined(*joints: Any) -> Change:
-    """With more joints."""
-    return more(joints=joints)
-
-
 def with_plate(*joints: Any) -> Change:
     """With a rigid body at the end of the bar."""
     points = {"a": FAR, "b": (1.4, 0.0)}
@@ -78,32 +67,20 @@ def spring(ground: Point = (1.0, -1.0), **options: Any) -> Change:
     return more(connectors=[at.Spring("bar.end", ground, **options)])
 
 
-def loaded_by(*loads: Any) -> Change:
-    """With more loads."""
-    return more(loads=loads)
-
-
 def same(scene: Scene) -> Scene:
     """Nothing is changed."""
     return scene
 
 
-def turning(scene: Scene) -> Scene:
-    """With the clamp driven, so slowly that the bar hardly bends."""
-    drive = at.Clamp("bar.start", angle=at.Quintic(turn=TURN, duration=2.0))
-    return replace(scene, joints=(drive, *scene.joints[1:]))
+def clamped(**options: Any) -> Change:
+    """With other options of its clamp, the first joint."""
+    return lambda scene: replace(scene, joints=(at.Clamp("bar.start", **options), *scene.joints[1:]))
 
 
 def damped(scene: Scene) -> Scene:
     """Of a damped material: stresses grow with the rate of strain."""
     bodies = (replace(b, material=replace(b.material, damping=1e-2)) for b in scene.beams)
     return replace(scene, bodies=tuple(bodies))
-
-
-def freely_stretched(scene: Scene) -> Scene:
-    """With clamps that leave the stretch free."""
-    joints = (replace(j, stretch="free") if isinstance(j, at.Clamp) else j for j in scene.joints)
-    return replace(scene, joints=tuple(joints))
 
 
 def _triangle() -> Change:
@@ -115,61 +92,57 @@ def _triangle() -> Change:
     return more(bodies=(first, last, base), joints=joints)
 
 
-def _law(elongation: float, rate: float, t: float) -> float:
-    """Tension that grows faster than the elongation, N."""
-    return 40.0 * elongation + 10.0 * elongation**3
-
-
-def _length(t: float) -> tuple[float, float]:
-    """Free length and its rate, m and m/s."""
-    return 0.5 + 0.1 * t, 0.1
-
-
-UP: Point = (0.0, 1.0)
-DOWN: Point = (0.0, -1.0)
-LENGTHENED = more(bodies=[bar("second", FAR)], joints=[at.Pin("bar.end", "second.start")])
 FORK = [at.Weld("bar.end", "left.start"), at.Pin("left.start", "right.start")]
-BRANCHED = more(bodies=[bar("left", FAR, 0.8), bar("right", FAR, -0.8)], joints=FORK)
-LOOPED = _triangle()
+SLIDING = more(joints=[at.Slider("bar.end", UP)])
 #: By a feature of mechanisms.
 MECHANISMS: Mapping[str, Change] = {
     "rigid-bodies": with_plate(at.Pin("bar.end", "plate.a")),
     "point-masses": more(bodies=[at.PointMass("tip", 1.0, FAR)], joints=[at.Pin("bar.end", "tip.center")]),
-    "sliders": joined(at.Slider("bar.end", UP)),
-    "prismatic-joints": joined(at.Prismatic("bar.end", UP)),
-    "driven-guides": joined(at.Slider("bar.end", UP, position=at.Quintic(0.01, 1.0))),
+    "sliders": SLIDING,
+    "prismatic-joints": more(joints=[at.Prismatic("bar.end", UP)]),
+    "driven-guides": more(joints=[at.Slider("bar.end", UP, position=at.Quintic(0.01, 1.0))]),
     "moving-guides": with_plate(at.Slider("bar.end", body="plate"), at.Pin("plate.b")),
     "driven-welds": with_plate(at.Weld("bar.end", "plate.a", angle=at.Quintic(0.1, 1.0))),
-    "interior-joints": joined(at.Pin(("bar", 0.5))),
+    "interior-joints": more(joints=[at.Pin(("bar", 0.5))]),
     "springs": spring(stiffness=20.0),
     "rotational-springs": more(connectors=[at.RotationalSpring("bar.end", stiffness=1.0)]),
-    "driven-springs": spring((1.0, -0.5), stiffness=20.0, length=_length),
-    "laws": spring(law=_law),
-    "interior-loads": loaded_by(at.Force(("bar", 0.3), DOWN)),
-    "follower-forces": loaded_by(at.Force("bar.end", DOWN, follower=True)),
-    "line-loads": loaded_by(at.LineLoad("bar", DOWN)),
-    "free-stretch": freely_stretched,
+    "driven-springs": spring((1.0, -0.5), stiffness=20.0, length=lambda t: (0.5 + 0.1 * t, 0.1)),
+    "laws": spring(law=lambda elongation, rate, t: 40.0 * elongation + 10.0 * elongation**3),
+    "interior-loads": more(loads=[at.Force(("bar", 0.3), DOWN)]),
+    "follower-forces": more(loads=[at.Force("bar.end", DOWN, follower=True)]),
+    "line-loads": more(loads=[at.LineLoad("bar", DOWN)]),
+    "free-stretch": clamped(stretch="free"),
     "free-welds": with_plate(at.Weld("bar.end", "plate.a", stretch="free")),
-}
-#: Features with an effect. Whether a stretch is held means nothing to elements without one.
-ACTING = {k: v for k, v in MECHANISMS.items() if not k.startswith("free-")} | {"damping": damped}
-#: The scene with which a feature is compared, where that is not the bar alone.
-WITHOUT: Mapping[str, Change] = {
-    "driven-guides": MECHANISMS["sliders"],
-    "driven-welds": with_plate(at.Weld("bar.end", "plate.a")),
-    "driven-springs": spring((1.0, -0.5), stiffness=20.0),
-    "follower-forces": loaded_by(at.Force("bar.end", DOWN)),
 }
 #: Changes of the cantilever that make it need a feature. The order matters: clamps first.
 DEMANDS: Mapping[str, Change] = {
-    "drives": turning,
-    "joints": LENGTHENED,
-    "branches": BRANCHED,
-    "loops": LOOPED,
-    "varying-loads": more(loads=pulled().loads),
+    "drives": clamped(angle=at.Quintic(0.1, 1.0)),
+    "joints": more(bodies=[bar("second", FAR)], joints=[at.Pin("bar.end", "second.start")]),
+    "branches": more(bodies=[bar("left", FAR, 0.8), bar("right", FAR, -0.8)], joints=FORK),
+    "loops": _triangle(),
+    "varying-loads": more(loads=[at.Force("bar.end", lambda t: (0.0 * t, 5.0 * t))]),
     "damping": damped,
     **MECHANISMS,
     "statics": same,
+}
+#: By a feature, the ends that meet in one place: the first with each of the others.
+MEETING: Mapping[str, list[list[tuple[str, float]]]] = {
+    "joints": [[("bar", 1.0), ("second", 0.0)]],
+    "branches": [[("bar", 1.0), ("left", 0.0), ("right", 0.0)]],
+    "loops": [
+        [("first", 1.0), ("base", 1.0)],
+        [("last", 1.0), ("base", 0.0)],
+        [("first", 0.0), ("last", 0.0)],
+    ],
+}
+#: Features with an effect on the bar. Whether a stretch is held means nothing to elements without one.
+ACTING = [f for f in DEMANDS if f not in MEETING and f != "statics" and not f.startswith("free-")]
+#: The scene with which a feature is compared, where that is not the bar alone.
+WITHOUT: Mapping[str, Change] = {
+    "driven-guides": SLIDING,
+    "driven-welds": with_plate(at.Weld("bar.end", "plate.a")),
+    "driven-springs": spring((1.0, -0.5), stiffness=20.0),
+    "follower-forces": more(loads=[at.Force("bar.end", DOWN)]),
 }
 #: Options of a run that needs a feature.
 RUNS: Mapping[str, dict[str, Any]] = {

@@ -1,15 +1,11 @@
 """Files of results: names, whole files, and whether a directory can be written."""
 
-import hashlib
 import os
 import re
 import tempfile
 from pathlib import Path
 
 from anctmm.errors import OutputError
-
-#: Bytes of a text as a file's name at most: file systems take 255, and something stands before and behind it.
-LONGEST = 150
 
 
 def atomic_write(path: Path, content: str | bytes) -> None:
@@ -21,7 +17,6 @@ def atomic_write(path: Path, content: str | bytes) -> None:
         Naming the file and the reason, if it cannot be written; the old one is then still there.
     """
     data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
-    path = path.resolve()
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,45 +31,33 @@ def atomic_write(path: Path, content: str | bytes) -> None:
 
 
 def file_name(text: str) -> str:
-    """A text as the name of a file or directory: letters, digits and _ . + - of it, the others as -.
-
-    Of one that is too long the beginning, with a few digits that differ from those of other texts.
-    """
-    name = re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
-    if len(name.encode()) <= LONGEST:
-        return name
-    digest = hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()[:8]
-    return f"{name.encode()[: LONGEST - 9].decode(errors='ignore').rstrip('.-')}-{digest}"
+    """A text as the name of a file or directory: letters, digits and _ . + - of it, the others as -."""
+    return re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
 
 
-def why_not_writable(directory: Path) -> str | None:
-    """Make a directory and try to write in it; the reason if that fails."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=directory).close()
-    except OSError as error:
-        return error.strerror or str(error)
-    return None
-
-
-def check_writable(directory: Path) -> None:
-    """Refuse a directory for results before any work.
+def check_writable(directory: Path, option: str = "--out") -> None:
+    """Make a directory for results, and refuse one that cannot be written before any work.
 
     Raises
     ------
     OutputError
-        If it cannot be made or written.
     """
-    if reason := why_not_writable(directory):
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=directory).close()
+    except OSError as error:
         raise OutputError(
-            f"--out is {str(directory)!r}, which cannot be written ({reason}); "
-            f"a directory that can be written is needed"
-        )
+            f"{option} is {str(directory)!r}, which cannot be written ({error.strerror or error}); a directory that "
+            f"can be written is needed"
+        ) from error
 
 
 def store_directory() -> Path | None:
     """Directory of finished runs, below ANCTMM_CACHE or the user's cache; None where it cannot be written."""
-    given = os.environ.get("ANCTMM_CACHE")
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anctmm"
-    runs = (Path(given) if given else user) / "runs"
-    return None if why_not_writable(runs) else runs
+    runs = Path(os.environ.get("ANCTMM_CACHE") or user) / "runs"
+    try:
+        check_writable(runs)
+    except OutputError:
+        return None
+    return runs

@@ -57,6 +57,8 @@ def _parts(value: Any) -> Iterator[Any]:
             yield from (value.__self__, value.__func__)
         case FunctionType():
             yield from _of_function(value)
+        case CodeType():
+            yield from (value.co_code, value.co_consts, value.co_names, value.co_varnames)
         case staticmethod() | classmethod():
             yield value.__func__
         case property():
@@ -66,17 +68,15 @@ def _parts(value: Any) -> Iterator[Any]:
         case type():
             yield from _of_class(value)
         case _:
-            yield from _of_object(value)
+            yield from _of_class(type(value))
+            yield from _state(value)
 
 
-def _of_object(value: Any) -> Iterator[Any]:
-    yield from _of_class(type(value))
+def _state(value: Any) -> list[Any]:
+    """Data of an object."""
     if is_dataclass(value):
-        yield from ((f.name, getattr(value, f.name)) for f in fields(value) if f.init)
-    elif hasattr(value, "__dict__"):
-        yield vars(value)
-    else:
-        yield cloudpickle.dumps(value)
+        return [(f.name, getattr(value, f.name)) for f in fields(value) if f.init]
+    return [vars(value) if hasattr(value, "__dict__") else cloudpickle.dumps(value)]
 
 
 def _of_class(kind: type) -> Iterator[Any]:
@@ -92,21 +92,15 @@ def _of_function(function: FunctionType) -> Iterator[Any]:
     if _is_known(module):
         yield f"{module}.{function.__qualname__}"
         return
-    codes = list(_codes(function.__code__))
-    for code in codes:
-        constants = tuple(c for c in code.co_consts if not isinstance(c, CodeType))
-        yield from (code.co_code, constants, code.co_names, code.co_varnames)
-    yield from (function.__defaults__, function.__kwdefaults__)
-    named = sorted({name for code in codes for name in code.co_names} & function.__globals__.keys())
-    yield from ((name, function.__globals__[name]) for name in named)
+    yield from (function.__code__, function.__defaults__, function.__kwdefaults__)
+    for name in sorted(_names(function.__code__) & function.__globals__.keys()):
+        yield name, function.__globals__[name]
 
 
-def _codes(code: CodeType) -> Iterator[CodeType]:
-    """The code of a function and of those inside it."""
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _codes(constant)
+def _names(code: CodeType) -> set[str]:
+    """Names that a function and those inside it use."""
+    inside = [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    return set(code.co_names).union(*map(_names, inside))
 
 
 def _is_known(name: str) -> bool:
@@ -119,10 +113,8 @@ def _is_known(name: str) -> bool:
 
 def _digest_of(module: ModuleType) -> str:
     """Digest of the file of a user's module; nothing for one that is installed, built in or of this project."""
-    file = getattr(module, "__file__", None)
-    if not file or module.__name__.partition(".")[0] in PACKAGES:
-        return ""
-    path = Path(file).resolve()
-    if any(path.is_relative_to(place) for place in INSTALLED) or not path.is_file():
-        return ""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    path = Path(getattr(module, "__file__", None) or "").resolve()
+    known = module.__name__.partition(".")[0] in PACKAGES or any(
+        path.is_relative_to(place) for place in INSTALLED
+    )
+    return "" if known or not path.is_file() else hashlib.sha256(path.read_bytes()).hexdigest()

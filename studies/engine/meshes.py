@@ -19,7 +19,7 @@ MOST_PARTS = 64
 FEWEST_STEPS = 50
 #: Part of the largest stable step that explicit runs take: deformation raises the highest frequency.
 MARGIN = 0.8
-#: Halvings of a step in search of a stable one; halvings of the interval that it lies in then, to a per cent.
+#: Halvings of a step in search of a stable one, then of the interval that it lies in, to a per cent.
 MOST_HALVINGS, BISECTIONS = 60, 6
 
 
@@ -28,37 +28,28 @@ def parts_of(scene: Scene, beam: Beam) -> int:
     places = [scene.place(end) for joint in scene.joints for end in joint.ends]
     inside = [float(p.key) for p in places if p.interior and p.body.name == beam.name]
     found = [Fraction(f).limit_denominator(MOST_PARTS) for f in inside]
-    parts = lcm(*(f.denominator for f in found)) if found else 1
+    parts = lcm(*(f.denominator for f in found))
     fits = parts <= MOST_PARTS and all(abs(f - float(g)) < 1e-9 for f, g in zip(inside, found, strict=True))
     return parts if fits else 1
 
 
 def coarsest_mesh(case: Case, element: str) -> Mesh:
     """A few elements for each beam, by its length and its joints."""
-    kind = KINDS[element]
-    beams = case.scene.beams
+    kind, beams = KINDS[element], case.scene.beams
     if kind.rigid or not beams:
         return (1,) * max(len(beams), 1)
     most = COARSEST if kind.order >= 4.0 else COARSEST_OF_LOW_ORDER
     longest = max(beam.length for beam in beams)
+    parts = [parts_of(case.scene, beam) for beam in beams]
     wanted = [ceil(most * beam.length / longest * (1.0 - 1e-9)) for beam in beams]
-    return tuple(
-        parts * ceil(n / parts)
-        for n, parts in zip(wanted, (parts_of(case.scene, b) for b in beams), strict=True)
-    )
-
-
-def halfway(case: Case, mesh: Mesh) -> Mesh | None:
-    """A mesh of half as many elements more, where that puts nodes at all joints."""
-    finer = tuple(3 * n // 2 for n in mesh)
-    fits = all(n % parts_of(case.scene, beam) == 0 for n, beam in zip(finer, case.scene.beams, strict=True))
-    return finer if fits else None
+    return tuple(p * ceil(n / p) for n, p in zip(wanted, parts, strict=True))
 
 
 def longest_step(case: Case, limit: float = inf) -> float:
-    """The longest step to begin with, s: a whole part of the interval of output, no longer than a limit."""
-    limit = min(limit, case.duration / FEWEST_STEPS)
-    return case.interval / _parts(case.interval / limit * (1.0 - 1e-9))
+    """The longest step to begin with, s: no longer than a limit; 1, 2, 5, 10, 20, … steps are an interval of output."""
+    least = case.interval / min(limit, case.duration / FEWEST_STEPS) * (1.0 - 1e-9)
+    steps = (n * 10**k for k in range(3) for n in (1, 2, 5) if n * 10**k >= least)
+    return case.interval / next(steps, ceil(least))
 
 
 def step_below(case: Case, limit: float) -> float:
@@ -99,10 +90,3 @@ def explicit_limit(case: Case, mesh: Any, **options: Any) -> float:
         return MARGIN * stable_step(case.scene, mesh, case.interval, **options)
     except AnctmmError:
         return inf
-
-
-def _parts(least: float) -> int:
-    """The smallest of 1, 2, 5, 10, 20, … that is no smaller: steps that are easy to read; of many, a whole number."""
-    if least > 1000.0:
-        return ceil(least)
-    return next(n * 10**k for k in range(4) for n in (1, 2, 5) if n * 10**k >= least)

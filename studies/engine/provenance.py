@@ -20,11 +20,9 @@ NAMED = "ANCTMM_MACHINE"
 def machine() -> dict[str, str]:
     """Processor, cores, system and interpreter."""
     return {
-        "processor": _processor(),
-        "cores": str(os.cpu_count()),
-        "system": f"{platform.system()} {platform.machine()}",
-        "python": platform.python_version(),
-    }
+        "processor": _processor(), "cores": str(os.cpu_count()),
+        "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
+    }  # fmt: skip
 
 
 @cache
@@ -46,10 +44,12 @@ def sources(*packages: str) -> str:
 @cache
 def commit() -> str:
     """Commit of the code, "-dirty" where files of it were changed since; a digest of the sources without a checkout."""
-    head = _git("rev-parse", "--short=12", "HEAD") if (ROOT / ".git").exists() else ""
-    if not head:
-        return f"sources {sources()}"
-    return f"{head}-dirty" if _git("status", "--porcelain", "--", *PACKAGES, "pyproject.toml") else head
+    try:
+        head = _git("rev-parse", "--short=12", "HEAD") if (ROOT / ".git").exists() else ""
+        changed = _git("status", "--porcelain", "--", *PACKAGES, "pyproject.toml") if head else ""
+    except (OSError, subprocess.SubprocessError):
+        head = changed = ""
+    return f"{head}{'-dirty' if changed else ''}" if head else f"sources {sources()}"
 
 
 def name() -> str:
@@ -76,18 +76,12 @@ def _version(library: str) -> str:
 
 
 def _git(*words: str) -> str:
-    """Output of a git command in the checkout; empty where it fails."""
-    try:
-        done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, timeout=30)
-    except (OSError, subprocess.SubprocessError):
-        return ""
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, timeout=30)
     return done.stdout.strip()
 
 
 def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
+    file = Path("/proc/cpuinfo")
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or "unknown processor"

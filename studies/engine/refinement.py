@@ -6,21 +6,18 @@ Meshes or steps may be given instead, from coarse to fine; the remaining error i
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isinf, nan
-from typing import Any
 
 import numpy as np
 
-from anctmm.discretise.discretisation import INTEGRATORS
 from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError, ResultError
 from anctmm.model.case import Case
 from anctmm.model.scene import Probe
-from anctmm.results.metrics import common_times, history_error, rounding_at, worst
+from anctmm.results.metrics import Array, common_times, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import Offer
-from anctmm.validation import one_of
 from studies.engine.meshes import coarsest_mesh, explicit_limit, longest_step
 from studies.engine.richardson import Part, Spacing, part_of
 from studies.engine.runner import Runner
@@ -41,22 +38,11 @@ TURNED = 1e-6
 
 @dataclass(frozen=True)
 class Setup:
-    """Solver, element and integrator: all but mesh and step.
-
-    Raises
-    ------
-    UnknownOptionError
-        Naming the option that is not known.
-    """
+    """Solver, element and integrator: all but mesh and step."""
 
     solver: str = "anctmm"
     element: str = "cable"
     integrator: str = "generalized-alpha"
-
-    def __post_init__(self) -> None:
-        one_of("solver", self.solver, registry.names())
-        one_of("element", self.element, KINDS)
-        one_of("integrator", self.integrator, INTEGRATORS)
 
     @property
     def own_element(self) -> str:
@@ -64,14 +50,9 @@ class Setup:
         return offer_of(self.solver).element_of(self.element)
 
     @property
-    def mesh_order(self) -> float:
-        """Order in space of that element."""
-        return offer_of(self.solver).order_of(self.element)
-
-    @property
-    def step_order(self) -> float:
-        """Order in time of the integrator."""
-        return STEP_ORDERS[self.integrator]
+    def orders(self) -> tuple[float, float]:
+        """Orders of theory in the mesh and in the step."""
+        return offer_of(self.solver).order_of(self.element), STEP_ORDERS[self.integrator]
 
 
 def offer_of(solver: str) -> Offer:
@@ -95,17 +76,11 @@ class Refinement:
     ) -> None:  # fmt: skip
         self.case, self.setup, self.runner = case, setup, runner
         self.meshes, self.steps, self.most_work = tuple(meshes), tuple(steps), most_work
-        self.chooses_mesh = not meshes and bool(case.scene.beams) and not KINDS[setup.element].rigid
-        self.chooses_step = not steps and not case.static
-        self.refines_mesh = self.chooses_mesh or len(self.meshes) > 1
-        self.refines_step = self.chooses_step or len(self.steps) > 1
-        self._solutions: dict[tuple[int, int], Solution] = {}
+        flexible = bool(case.scene.beams) and not KINDS[setup.element].rigid
+        self.chooses = not meshes and flexible, not steps and not case.static
+        self.refines = self.chooses[MESH] or len(meshes) > 1, self.chooses[STEP] or len(steps) > 1
+        self.solutions: dict[tuple[int, int], Solution] = {}  # by level, as far as done
         self._limits: dict[int, float] = {}
-
-    @property
-    def runs(self) -> int:
-        """Runs done so far."""
-        return len(self._solutions)
 
     @property
     def estimates(self) -> bool:
@@ -125,7 +100,10 @@ class Refinement:
         if self.steps:
             return self.steps[j]
         if i not in self._limits:
-            self._limits[i] = self._longest_step(i)
+            mesh = Trial(self.case.scene, self.setup.solver, self.mesh_at(i)).by_body
+            explicit = self.setup.integrator == EXPLICIT
+            limit = explicit_limit(self.case, mesh, element=self.setup.element) if explicit else inf
+            self._limits[i] = longest_step(self.case, limit)
         return self._limits[i] / 2**j
 
     def trial(self, i: int, j: int) -> Trial:
@@ -135,13 +113,21 @@ class Refinement:
 
     def solution(self, i: int, j: int) -> Solution:
         """The run of a level, done once."""
-        if (i, j) not in self._solutions:
-            self._solutions[i, j] = self.runner.solve(self.trial(i, j))
-        return self._solutions[i, j]
+        self._solve([(i, j)])
+        return self.solutions[i, j]
 
     def runs_along(self, i: int, j: int, axis: int) -> list[Solution]:
         """The run of a level and the next two coarser ones of an axis, MESH or STEP; none where it is not refined."""
         return [self.solution(*level) for level in self._levels_along(i, j, axis)]
+
+    def _levels_along(self, i: int, j: int, axis: int) -> list[tuple[int, int]]:
+        levels = [(i - k, j) if axis == MESH else (i, j - k) for k in range(3)]
+        return [level for level in levels if min(level) >= 0] if self.refines[axis] else []
+
+    def _solve(self, levels: Sequence[tuple[int, int]]) -> None:
+        new = [level for level in dict.fromkeys(levels) if level not in self.solutions]
+        found = self.runner.solve_many(self.trial(*level) for level in new)
+        self.solutions |= dict(zip(new, found, strict=True))
 
     def part(self, i: int, j: int, axis: int) -> Part:
         """Part of the error that is due to the mesh or the step."""
@@ -149,29 +135,29 @@ class Refinement:
         if len(runs) < 2:
             return Part(inf) if runs else Part()
         before = self.difference(runs[2], runs[1]) if len(runs) > 2 else nan
-        theory = (self.setup.mesh_order, self.setup.step_order)[axis]
         spacing = Spacing(self._ratio(i, j, axis), self._ratio(i, j, axis, 1))
-        return part_of(self.difference(runs[1], runs[0]), before, theory, spacing)
+        return part_of(self.difference(runs[1], runs[0]), before, self.setup.orders[axis], spacing)
 
     def refined(self, target: float) -> "Refined":
         """Refine mesh and step until the estimated error is no larger than a target, relative."""
-        i = len(self.meshes) - 1 if self.meshes else int(self.chooses_mesh)
-        j = len(self.steps) - 1 if self.steps else int(self.chooses_step)
-        found: list[Refined] = []
+        i = len(self.meshes) - 1 if self.meshes else int(self.chooses[MESH])
+        j = len(self.steps) - 1 if self.steps else int(self.chooses[STEP])
+        best = found = self._at(i, j, target)
         reason = ""
-        while not reason:
-            found.append(self._at(i, j, target))
-            if found[-1].reached or self._is_final(found[-1].solution.status):
-                break
-            finer = self._finer(found[-1])
-            if finer == (i, j):
+        while not (found.reached or self._is_final(found.solution.status)):
+            finer = self._finer(found)
+            if finer == (found.i, found.j):
                 reason = "only the given mesh and step may be used"
-            elif self._work(*finer) > self.most_work:
+                break
+            if self._work(self.trial(*finer)) > self.most_work:
                 reason = f"a run of more than {self.most_work:.2g} elements times steps would be needed"
-            i, j = finer
-        complete = [one for one in found if one.solution.status.ok]
-        best = min(reversed(complete), key=lambda one: one.error) if complete else found[-1]
-        return replace(best, reason="" if best.reached else self._why_not(best, found, reason))
+                break
+            found = self._at(*finer, target)
+            better = found.solution.status.ok and found.error <= best.error
+            best = found if better or not best.solution.status.ok else best
+        if not found.solution.status.ok:
+            reason = f"{found.label}: {found.solution.status}"
+        return best if best.reached else replace(best, reason=reason)
 
     def difference(self, one: Solution, other: Solution) -> float:
         """Relative difference of two runs at the case's probes; infinite where one is not complete."""
@@ -180,17 +166,8 @@ class Refinement:
         found = difference(one, other, self.case.probes)
         return found if isfinite(found) else inf
 
-    def _why_not(self, best: "Refined", found: Sequence["Refined"], reason: str) -> str:
-        """Why a target is not reached; a finer run that ended early is named."""
-        if not best.solution.status.ok:
-            return str(best.solution.status)
-        failed = [one for one in found if not one.solution.status.ok and one.i >= best.i and one.j >= best.j]
-        early = f"{failed[0].label} ends early ({failed[0].solution.status}), and " if failed else ""
-        return early + reason
-
-    def _work(self, i: int, j: int) -> float:
-        """Elements times steps of a level, or what an equilibrium counts as."""
-        trial = self.trial(i, j)
+    def _work(self, trial: Trial) -> float:
+        """Elements times steps of a run, or what an equilibrium counts as."""
         return trial.elements * STATIC_STEPS if self.case.static else trial.work
 
     def _is_final(self, status: Status) -> bool:
@@ -198,11 +175,6 @@ class Refinement:
         explicit = self.setup.integrator == EXPLICIT and "stable" in status.message
         raised = not status.ok and "Error: " in status.message  # by a function of the user's scene
         return status.code in FINAL or raised or (status.code == "refused" and not explicit)
-
-    def _levels_along(self, i: int, j: int, axis: int) -> list[tuple[int, int]]:
-        refined = (self.refines_mesh, self.refines_step)[axis]
-        levels = [(i - k, j) if axis == MESH else (i, j - k) for k in range(3)]
-        return [level for level in levels if min(level) >= 0] if refined else []
 
     def _ratio(self, i: int, j: int, axis: int, below: int = 0) -> float:
         """How many times finer a level (or one below it) is than the one before; of the beam that is refined least."""
@@ -216,29 +188,18 @@ class Refinement:
     def _at(self, i: int, j: int, target: float) -> "Refined":
         if not self.solution(i, j).status.ok:
             return Refined(self, i, j, Part(inf), Part(inf), target)
-        around = [*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)]
-        new = [level for level in dict.fromkeys(around) if level not in self._solutions]
-        found = self.runner.solve_many(self.trial(*level) for level in new)
-        self._solutions |= dict(zip(new, found, strict=True))
+        self._solve([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
         return Refined(self, i, j, self.part(i, j, MESH), self.part(i, j, STEP), target)
 
     def _finer(self, found: "Refined") -> tuple[int, int]:
         """The next level: the larger part of the error is refined, both where each alone is too large."""
         i, j, half = found.i, found.j, 0.5 * found.target
         mesh, step = found.mesh.error, found.step.error
-        unknown = self.chooses_step and isinf(step)
-        if not found.solution.status.ok or unknown:  # a shorter step helps where Newton's iteration fails
-            return (i, j + 1) if self.chooses_step else (i + self.chooses_mesh, j)
-        coarser_mesh = self.chooses_mesh and (mesh > half or mesh >= step)
-        coarser_step = self.chooses_step and (step > half or step > mesh)
-        return i + coarser_mesh, j + coarser_step
-
-    def _longest_step(self, i: int) -> float:
-        """Step of the coarsest level, s, a whole part of the interval of output."""
-        if self.setup.integrator != EXPLICIT:
-            return longest_step(self.case)
-        mesh = Trial(self.case.scene, self.setup.solver, self.mesh_at(i)).by_body
-        return longest_step(self.case, explicit_limit(self.case, mesh, element=self.setup.element))
+        by_mesh, by_step = self.chooses
+        incomplete = not found.solution.status.ok or (by_step and isinf(step))
+        if incomplete:  # Newton's iteration may need a shorter step
+            return (i, j + 1) if by_step else (i + by_mesh, j)
+        return i + (by_mesh and (mesh > half or mesh >= step)), j + (by_step and (step > half or step > mesh))
 
 
 @dataclass(frozen=True)
@@ -284,8 +245,8 @@ class Refined:
     @property
     def parts(self) -> str:
         """Estimated parts of the error in words; empty where nothing is refined."""
-        refined = ("mesh", self.levels.refines_mesh, self.mesh), ("step", self.levels.refines_step, self.step)
-        return ", ".join(f"{name} {part.error:.1g}" for name, known, part in refined if known)
+        named = zip(("mesh", "step"), self.levels.refines, (self.mesh, self.step), strict=True)
+        return ", ".join(f"{name} {part.error:.1g}" for name, refined, part in named if refined)
 
     @property
     def known(self) -> bool:
@@ -324,14 +285,12 @@ def difference(one: Solution, other: Solution, probes: Sequence[Probe]) -> float
         return nan
 
     def at(probe: Probe) -> float:
-        turn = turn_at_rest(other, probe)
-        if turn is None:
+        turn = _angle(other, probe) if rests(other, probe) else None
+        if turn is None or np.abs(turn).max(initial=0.0) <= TURNED:
             u, v = one.displacement(probe)[mine], other.displacement(probe)[theirs]
             return history_error(u, v, rounding_at(other, probe))
-        try:
-            return history_error(one.angle(probe)[mine, None], turn[theirs, None])
-        except ResultError:  # not every solver gives angles
-            return 0.0
+        own = _angle(one, probe)
+        return 0.0 if own is None else history_error(own[mine], turn[theirs])
 
     return worst(map(at, probes))
 
@@ -342,12 +301,9 @@ def rests(solution: Solution, probe: Probe) -> bool:
     return bool(moved <= rounding_at(solution, probe))
 
 
-def turn_at_rest(solution: Solution, probe: Probe) -> Any:
-    """Angles of a probe that turns and does not move, rad; None of any other, and where the solver gives none."""
-    if not rests(solution, probe):
-        return None
+def _angle(solution: Solution, probe: Probe) -> Array | None:
+    """Angles of a probe, rad, (n, 1); None where a solver gives none."""
     try:
-        angle = solution.angle(probe)
+        return solution.angle(probe)[:, None]
     except ResultError:
         return None
-    return angle if np.abs(angle).max(initial=0.0) > TURNED else None

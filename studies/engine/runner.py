@@ -1,9 +1,8 @@
 """Runs of trials: joblib stores each when it is done, and does them in other processes where workers are given."""
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import cloudpickle
 import joblib
 
 from anctmm.errors import AnctmmError
-from anctmm.model.scene import Scene
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry
 from anctmm.solvers.registry import Solver
@@ -47,7 +45,6 @@ class Runner:
     show: Callable[[str, int, int], None] = lambda label, done, total: None
     heading: str = ""  # purpose of the runs, before their labels
     computed: int = 0  # runs of this session
-    _scenes: dict[int, tuple[Scene, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.workers > 1 and self.cluster:
@@ -56,11 +53,6 @@ class Runner:
             )
         self._origins = dict(registry.origins())
         self._remembered = joblib.Memory(self.store, verbose=0).cache(remembered, ignore=["compute"])
-
-    @property
-    def spread(self) -> bool:
-        """Whether other processes compute."""
-        return self.workers > 1 or bool(self.cluster)
 
     def solve(self, trial: Trial) -> Solution:
         """One trial."""
@@ -77,29 +69,25 @@ class Runner:
         trials = list(trials)
         keys = [self.key(trial) for trial in trials]
         names = [key or f"trial {k}" for k, key in enumerate(keys)]  # what has no identity is not stored
-        first = dict(zip(reversed(names), reversed(trials), strict=True))
-        missing = [name for name in dict.fromkeys(names) if not self._is_stored(name)]
-        if self.spread:
-            missing.sort(key=lambda name: -first[name].work)
+        first: dict[str, Trial] = {}
+        for name, trial in zip(names, trials, strict=True):
+            first.setdefault(name, trial)
+        missing = [name for name in first if not self._remembered.check_call_in_cache(name, None)]
         found = {}
         for name, solution in zip(missing, self._computed([first[n] for n in missing]), strict=True):
             found[name] = solution
             if name in keys:
-                self._remembered(name, lambda solution=solution: cloudpickle.dumps(solution))
-        for name in first.keys() - found.keys():
-            found[name] = self._recalled(name, first[name])
+                self._stored(name, lambda solution=solution: solution)
+        for name in first.keys() - found.keys():  # joblib computes that of a damaged file anew
+            found[name] = self._stored(name, lambda trial=first[name]: solved(trial, self.resolve))
         return [replace(found[name], scene=trial.scene) for name, trial in zip(names, trials, strict=True)]
 
     def key(self, trial: Trial) -> str:
         """Identity of a run: its scene, setting, solver, versions and sources; empty where there is none."""
-        scene = trial.scene
         try:
-            if id(scene) not in self._scenes:
-                self._scenes[id(scene)] = scene, identity(scene)
             solver = identity(self.resolve(trial.solver)), self._origins.get(trial.solver, "")
-            setting = [(f.name, getattr(trial, f.name)) for f in fields(trial) if f.name != "scene"]
-            code = provenance.software(), provenance.sources(*COMPUTING)
-            return identity((self._scenes[id(scene)][1], setting, solver, code))
+            setting = [(f.name, getattr(trial, f.name)) for f in fields(trial)]
+            return identity((setting, solver, provenance.software(), provenance.sources(*COMPUTING)))
         except Exception:  # parts of a user's scene that cannot be identified: the run is not stored
             return ""
 
@@ -113,7 +101,7 @@ class Runner:
             return self._timed(trials)
         machine = f"{provenance.name()}, {provenance.stamp()}"
         key = identity((keys, ROUNDS[self.quick], machine))
-        return cloudpickle.loads(self._remembered(key, lambda: cloudpickle.dumps(self._timed(trials))))  # type: ignore[no-any-return]
+        return self._stored(key, lambda: self._timed(trials))  # type: ignore[no-any-return]
 
     def _timed(self, trials: Sequence[Trial]) -> list[list[Cost]]:
         rounds, done = ROUNDS[self.quick], 0
@@ -133,13 +121,9 @@ class Runner:
         begin = {k: lambda pair=pair: warm(*pair) for k, pair in pairs.items()}  # type: ignore[misc]
         return list(in_turn(calls, rounds, begin).values())
 
-    def _is_stored(self, key: str) -> bool:
-        return bool(self._remembered.check_call_in_cache(key, None))
-
-    def _recalled(self, key: str, trial: Trial) -> Solution:
-        """A stored solution; joblib computes that of a damaged file anew."""
-        content = self._remembered(key, lambda: cloudpickle.dumps(solved(trial, self.resolve)))
-        return cloudpickle.loads(content)  # type: ignore[no-any-return]
+    def _stored(self, key: str, compute: Callable[[], Any]) -> Any:
+        """What is stored, or else is computed and then stored."""
+        return cloudpickle.loads(self._remembered(key, lambda: cloudpickle.dumps(compute())))
 
     def _computed(self, trials: Sequence[Trial]) -> Iterator[Solution]:
         """Solutions as they are computed, in their order, here or by workers."""
@@ -160,7 +144,7 @@ class Runner:
         if self.cluster:
             with _client(self.cluster), joblib.parallel_config(backend="dask"):
                 yield
-        elif self.spread:
+        elif self.workers > 1:
             with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
                 yield
         else:
@@ -168,23 +152,16 @@ class Runner:
 
 
 @contextmanager
-def _client(address: str) -> Iterator[Any]:
+def _client(address: str) -> Iterator[None]:
     """A client of a dask scheduler."""
     try:
         from distributed import Client
+
+        client = Client(address, timeout="10s")
     except ModuleNotFoundError:
         raise SweepError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
-    try:
-        client = Client(address, timeout="10s")
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise SweepError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
-    try:
-        yield client
-    finally:
-        client.close()
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with client:
+        yield

@@ -106,19 +106,18 @@ def check_taken(options: Options, study: str) -> None:
     Raises
     ------
     StudyError
-        Naming the option, and the studies with that option; or both cases.
+        If there is no such study; naming the option, and the studies with that option; or the cases.
     """
-    files: dict[str, str] = {}
-    for case in options.cases or ():
-        other = files.setdefault(file_name(case.name), case.name)
-        if other != case.name:
-            raise StudyError(
-                f"files of scenes {other!r} and {case.name!r} would both be named {file_name(case.name)!r}; names that "
-                f"differ in letters, digits or _ . + - are needed"
-            )
+    find(study)
+    names = [case.name for case in options.cases or ()]
+    if len({file_name(name) for name in names}) < len(names):
+        raise StudyError(
+            f"scenes {', '.join(map(repr, names))} would have files of one name; names that differ in letters, digits "
+            f"or _ . + - are needed"
+        )
     for name, typed in TYPED.items():
-        if name not in TAKEN.get(study, RANGES) and getattr(options, name) is not None:
-            takers = ", ".join(other for other, names in TAKEN.items() if name in names)
+        if name not in TAKEN[study] and getattr(options, name) is not None:
+            takers = ", ".join(other for other, taken in TAKEN.items() if name in taken)
             raise StudyError(f"study {study!r} takes no {typed}; studies with it: {takers}, and `run`")
 
 
@@ -129,20 +128,16 @@ def check_fits(options: Options, case: Case) -> None:
     ------
     StudyError
     """
-    given = [TYPED[name] for name in ("meshes", "element") if getattr(options, name) is not None]
-    if given and not case.scene.beams:
-        raise StudyError(
-            f"{given[0]} is for elements of beams; scene {case.name!r} has no beams: leave it out"
-        )
-    if case.static and options.integrator is not None:
-        raise StudyError(
-            f"--integrator is for steps of motions; scene {case.name!r} is a static equilibrium: leave it out"
-        )
-    if case.static and options.steps:
-        raise StudyError(
-            f"--dt is {options.steps[0]:g} s for {case.name!r}, a static equilibrium, which has no step; "
-            "--case NAME chooses a motion, --elements its meshes"
-        )
+    useless: tuple[str, ...] = () if case.scene.beams else ("meshes", "element")
+    useless += ("steps", "integrator") if case.static else ()
+    for name in useless:
+        if getattr(options, name):
+            kind = (
+                "is a static equilibrium, which has no step"
+                if name in ("steps", "integrator")
+                else "has no beams"
+            )
+            raise StudyError(f"{TYPED[name]} is given, and scene {case.name!r} {kind}: leave it out")
     for mesh in options.meshes or ():
         check_mesh(case.scene, mesh)
 

@@ -1,7 +1,7 @@
 """Tables: tidy frames as CSV, Markdown and on a terminal, and cells for people."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
@@ -11,6 +11,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -25,12 +26,22 @@ BUILD = (
 MOST_ROWS = 500
 #: Errors, and the columns with the uncertainty of their reference.
 KNOWN_TO = {
-    "error": "reference_error",
-    "error_bound": "reference_error",
-    "mesh_error": "reference_error",
+    "error": "reference_error", "error_bound": "reference_error", "mesh_error": "reference_error",
     "step_error": "step_reference_error",
-}
+}  # fmt: skip
 BELOW = "An error below the uncertainty of its reference is shown as below that: < 0.0002. CSV files have the number."
+#: Columns that only files have; and those that a setting in words, in the same table, already has.
+HIDDEN = {"case", "asked", "own", "kind", "repeats", "cpu_spread", "in_turn", "excess"}
+IN_SETTING = {
+    "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "build_s", "steps",
+    "newton_iterations", "error_from",
+}  # fmt: skip
+#: Names of columns that need a unit or a symbol.
+LABELS = {
+    "cpu_s": "CPU time of steps (s)", "whole_s": "whole call (s)", "build_s": "set-up (s)", "dofs": "coordinates",
+    "dt": "Δt (s)", "t": "t (s)", "t_end": "t end (s)", "stable_dt": "stable Δt (s)",
+    "us_per_element_step": "µs per element and step",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -65,6 +76,11 @@ def error_text(line: Mapping[Any, Any], name: str = "error", form: str = ".2g") 
     return f"< {known:{form}}" if 0.0 < error < known else f"{error:{form}}"
 
 
+def label(column: object) -> str:
+    """Head of a column."""
+    return LABELS.get(str(column), str(column).replace("_", " "))
+
+
 def cell(value: Any, form: str = ".3g") -> str:
     """A value to be read: three digits of a float, a whole one with all of them, nothing for a NaN."""
     if not isinstance(value, float):
@@ -76,13 +92,18 @@ def cell(value: Any, form: str = ".3g") -> str:
 
 def for_people(frame: pd.DataFrame) -> pd.DataFrame:
     """A frame whose errors are shown as below the uncertainty of their reference, where they are."""
+    shown = frame.copy()
     for name, known in KNOWN_TO.items():
         if {name, known} <= set(frame.columns):
-            below = (frame[name] > 0.0) & (frame[name] < frame[known])
-            words = frame[known].map("< {:.2g}".format)
-            if below.any():
-                frame = frame.assign(**{name: frame[name].astype(object).mask(below, words)})
-    return frame
+            pairs = zip(frame[name], frame[known], strict=True)
+            shown[name] = [f"< {sure:.2g}" if 0.0 < error < sure else error for error, sure in pairs]
+    return shown
+
+
+def readable(frame: pd.DataFrame, hidden: Iterable[str] = ()) -> pd.DataFrame:
+    """The columns of a frame that people read, those without a value left out."""
+    without = {*HIDDEN, *hidden, *(IN_SETTING if "setting" in frame else ())}
+    return for_people(frame).drop(columns=list(without), errors="ignore").dropna(axis="columns", how="all")
 
 
 def markdown(table: Table) -> str:
@@ -90,10 +111,15 @@ def markdown(table: Table) -> str:
     cells = for_people(table.frame).map(lambda value: cell(value, ".5g").replace("|", "\\|"))
     rule = ["---:" if is_numeric_dtype(t) else "---" for t in table.frame.dtypes]
     rows = [list(map(str, cells.columns)), rule, *cells.to_numpy().tolist()]
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    notes = [f"- {note}" for note in table.notes]
-    head = [f"# {table.title}", "", f"Computed by {provenance.stamp()}.", "", *notes, ""]
-    return "\n".join([*head, *lines, ""])
+    head = [
+        f"# {table.title}",
+        "",
+        f"Computed by {provenance.stamp()}.",
+        "",
+        *(f"- {n}" for n in table.notes),
+        "",
+    ]
+    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows), ""])
 
 
 def write_table(table: Table, folder: Path, readable: bool = True) -> None:
@@ -106,10 +132,8 @@ def write_table(table: Table, folder: Path, readable: bool = True) -> None:
 def write_machine(folder: Path) -> None:
     """Commit, machine and versions beside the CSV files, which have no room for them."""
     facts = {
-        "commit": provenance.commit(),
-        "machine": provenance.machine(),
-        "versions": provenance.versions(),
-    }
+        "commit": provenance.commit(), "machine": provenance.machine(), "versions": provenance.versions(),
+    }  # fmt: skip
     atomic_write(folder / "machine.json", json.dumps(facts, indent=2) + "\n")
 
 
@@ -118,16 +142,14 @@ def say(console: Console, text: str, style: str = "") -> None:
     console.print(Text(text, style), highlight=False, soft_wrap=not console.is_terminal)
 
 
-def rich_table(title: str, columns: Mapping[str, bool]) -> RichTable:
-    """An empty table for a terminal, of columns by name and whether they are on the right."""
+def show_frame(console: Console, title: str, frame: pd.DataFrame) -> None:
+    """Print a table, numbers on the right; in a pipe or a file with all of its columns, however wide."""
     shown = RichTable(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
-    for name, right in columns.items():
-        shown.add_column(name, justify="right" if right else "left", header_style="dim")
-    return shown
-
-
-def show_table(console: Console, table: RichTable) -> None:
-    """Print a table; in a pipe or a file with all of its columns, however wide."""
+    for name in frame:
+        right = is_numeric_dtype(frame[name])
+        shown.add_column(label(name), justify="right" if right else "left", header_style="dim")
+    for row in frame.itertuples(index=False, name=None):
+        shown.add_row(*(escape(cell(value)) for value in row))
     if not console.is_terminal:
         console.width = max(console.width, 200)
-    console.print(table)
+    console.print(shown)

@@ -1,6 +1,6 @@
 """One run of one solver; every failure becomes a solution with a status."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -75,6 +75,11 @@ class Trial:
         return "tolerance" in dict(self.options)
 
     @property
+    def step(self) -> float:
+        """The step, s, or the interval of output where a tolerance controls it."""
+        return self.output_dt if self.error_controlled else self.dt
+
+    @property
     def elements(self) -> int:
         """Number of all elements."""
         return max(sum(self.mesh) * (len(self.scene.beams) if len(self.mesh) == 1 else 1), 1)
@@ -82,8 +87,7 @@ class Trial:
     @property
     def work(self) -> float:
         """A rough measure of how long it takes: elements times steps."""
-        step = self.output_dt if self.error_controlled else self.dt
-        return self.elements * (max(self.t_end / step, 1.0) if self.t_end else 1.0)
+        return self.elements * (max(self.t_end / self.step, 1.0) if self.t_end else 1.0)
 
     @property
     def label(self) -> str:
@@ -92,13 +96,19 @@ class Trial:
         mesh = f" {self.cut} {'/'.join(kinds)}" if self.scene.beams else ""
         return f"{self.scene.name}: {self.solver}{mesh} {self.integrator}"
 
+    @property
+    def own(self) -> Given:
+        """Options that only this solver has."""
+        return tuple((name, value) for name, value in self.options if name not in SHARED)
+
     def run(self) -> Discretisation:
         """The discretisation of a motion; raises what Discretisation raises."""
-        step: dict[str, Any] = {} if self.error_controlled else {"dt": self.dt}
+        given: dict[str, Any] = {name: value for name, value in self.options if name in SHARED}
+        if not self.error_controlled:
+            given["dt"] = self.dt
         return Discretisation(
             mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
-            t_end=self.t_end, output_dt=self.output_dt, **step,
-            **{name: value for name, value in self.options if name in SHARED},
+            t_end=self.t_end, output_dt=self.output_dt, **given,
         )  # fmt: skip
 
     def solve(self, solver: Solver) -> Solution:
@@ -113,19 +123,13 @@ class Trial:
             raise SolverError(f"solver {self.solver!r} answered {shown(solution)}; a Solution is needed")
         return solution
 
-    @property
-    def own(self) -> Given:
-        """Options that only this solver has."""
-        return tuple((name, value) for name, value in self.options if name not in SHARED)
-
     def warm_up(self, solver: Solver) -> None:
         """Compile and load what the run needs, by two steps (or the statics)."""
         about = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator
         kind = (*about, self.own, self.error_controlled)
         if kind not in _warm:
-            step = self.output_dt if self.error_controlled else self.dt
-            short = self if self.integrator == STATIC else replace(self, t_end=2 * step, output_dt=step)
-            short.solve(solver)
+            steps = {} if self.integrator == STATIC else {"t_end": 2 * self.step, "output_dt": self.step}
+            replace(self, **steps).solve(solver)
             _warm.add(kind)
 
 
@@ -164,11 +168,3 @@ def not_installed(status: Status) -> bool:
 def mesh_label(mesh: Mesh) -> str:
     """2/8/2 of (2, 8, 2)."""
     return "/".join(map(str, mesh))
-
-
-def product(
-    scene: Scene, solvers: Iterable[str], meshes: Iterable[Mesh], steps: Iterable[float], **common: Any
-) -> list[Trial]:
-    """Trials of solver × mesh × step, the rest in common."""
-    steps, solvers = tuple(steps), tuple(solvers)
-    return [Trial(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]

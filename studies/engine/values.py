@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import takewhile
-from math import floor, inf, isfinite, log10, nan
+from math import floor, isfinite, log10, nan
 
 import numpy as np
 import pandas as pd
@@ -42,7 +42,8 @@ class Value:
     quantity: str
     unit: str
     value: float
-    uncertainty: float = nan  # NaN where it was not estimated; of a `Reading` that of rounding
+    uncertainty: float = nan  # NaN where it was not estimated; as it is read from a run that of rounding
+    size: float = 0.0  # of the history, which its error is relative to
 
     @property
     def text(self) -> str:
@@ -53,6 +54,10 @@ class Value:
         if 10.0 <= self.uncertainty < 1e6:  # no power of ten where the number is as short
             about = f"{float(about):.0f}"
         return f"{rounded(self.value, self.uncertainty)} ± {about} {self.unit}"
+
+
+Reading = Callable[[Solution, Case], Iterable[Value]]
+"""(solution, case) → values, with their rounding and the size that errors of histories are relative to."""
 
 
 def rounded(value: float, uncertainty: float) -> str:
@@ -67,11 +72,7 @@ def rounded(value: float, uncertainty: float) -> str:
     return f"{round(value, decimals):.{max(decimals, 0)}f}"
 
 
-Reading = Callable[[Solution, Case], Iterator[tuple[Value, float]]]
-"""(solution, case) → values with their rounding, each with the size that errors of histories are relative to."""
-
-
-def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
+def at_probes(solution: Solution, case: Case) -> Iterator[Value]:
     """For each probe its place and its angle at the end, and its largest displacement."""
     if not len(solution.t):
         return
@@ -80,42 +81,31 @@ def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
         path, name = solution.position(probe), place_name(probe)
         moved = float(np.linalg.norm(path - path[0], axis=1).max())
         least = ROUNDING * max(case.scene.length, float(np.abs(path).max()))
-        yield Value(name, f"x {when}", "m", float(path[-1, 0]), least), moved
-        yield Value(name, f"y {when}", "m", float(path[-1, 1]), least), moved
-        yield Value(name, largest_of("displacement", case), "m", moved, least), moved
+        ends = (f"x {when}", path[-1, 0]), (f"y {when}", path[-1, 1]), (_largest("displacement", case), moved)
+        yield from (Value(name, what, "m", float(value), least, moved) for what, value in ends)
         if isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
             continue
         with suppress(ResultError):  # not every solver gives angles
             angle = solution.angle(probe)
-            value = Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING)
-            yield value, float(np.abs(angle).max(initial=-inf))
+            yield Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING, float(np.abs(angle).max()))
 
 
-def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
+def at_joints(solution: Solution, case: Case) -> Iterator[Value]:
     """For each joint its largest force and moment, for each connector its largest tension or moment.
 
     Of a motion at the outputs, of an equilibrium the last. What a solver does not give, or equilibrium alone does not
     determine, is left out.
     """
-    if not len(solution.t):
-        return
-    every = [
-        (name, what, unit, values, float(np.abs(values).max()))
-        for name, what, unit, values in _series(solution, case)
-    ]
-    force = max((size for _, _, unit, _, size in every if unit == "N"), default=0.0)
-    moment = max((size for _, _, unit, _, size in every if unit == "N m"), default=0.0)
-    least = {"N": ROUNDING * force, "N m": ROUNDING * max(moment, force * case.scene.length)}
-    for name, what, unit, values, size in every:
+    every = list(_series(solution, case)) if len(solution.t) else []
+    largest = {"N": 0.0, "N m": 0.0}
+    for _, _, unit, values in every:
+        largest[unit] = max(largest[unit], float(np.abs(values).max()))
+    largest["N m"] = max(largest["N m"], largest["N"] * case.scene.length)
+    for name, what, unit, values in every:
         k = len(values) - 1 if case.static else int(np.abs(values).argmax())
-        when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
-        quantity = f"{what} {when}" if case.static else f"{largest_of(what, case)}, {when}"
-        yield Value(name, quantity, unit, float(values[k]), least[unit]), size
-
-
-def largest_of(what: str, case: Case) -> str:
-    """Name of the largest of a history: of a motion it is that of the outputs."""
-    return f"largest {what}" if case.static else f"largest {what} {AT_OUTPUTS}"
+        when = f"{what} at rest" if case.static else f"{_largest(what, case)}, at {solution.t[k]:.3g} s"
+        least, size = ROUNDING * largest[unit], float(np.abs(values).max())
+        yield Value(name, when, unit, float(values[k]), least, size)
 
 
 def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
@@ -123,21 +113,17 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
     case, levels = found.levels.case, found.levels
     own = list(read(found.solution, case))
     if not (levels.estimates and found.known):
-        return [replace(value, uncertainty=nan) for value, _ in own]
+        return [replace(value, uncertainty=nan) for value in own]
 
-    def numbers(runs: Sequence[Solution]) -> list[list[float]]:
-        complete = takewhile(lambda run: run.status.ok, runs)
-        return [[value.value for value, _ in read(run, case)] for run in complete]
+    def numbers(axis: int) -> list[list[float]]:
+        complete = takewhile(lambda run: run.status.ok, levels.runs_along(found.i, found.j, axis))
+        return [[value.value for value in read(run, case)] for run in complete]
 
-    place = found.i, found.j
-    refined = (
-        (numbers(levels.runs_along(*place, MESH)), found.mesh),
-        (numbers(levels.runs_along(*place, STEP)), found.step),
-    )
+    refined = (numbers(MESH), found.mesh), (numbers(STEP), found.step)
     values = []
-    for k, (value, size) in enumerate(own):
+    for k, value in enumerate(own):
         apart = sum(left_in([run[k] for run in runs], part) for runs, part in refined)
-        least = max(SHARE * found.error * size, value.uncertainty)
+        least = max(SHARE * found.error * value.size, value.uncertainty)
         values.append(replace(value, uncertainty=max(apart, least)))
     return values
 
@@ -145,12 +131,14 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
 def values_table(values: Sequence[Value]) -> Table:
     """Values as a table."""
     columns = ["probe", "quantity", "value", "uncertainty", "unit"]
+    note = "uncertainty: an estimate of the errors of mesh and step, from coarser runs; none without one."
     frame = pd.DataFrame([vars(v) for v in values], columns=columns)
-    notes = (
-        "uncertainty: an estimate of the errors of mesh and step, from coarser runs; none where it was not estimated.",
-        OUTPUTS_NOTE,
-    )
-    return Table("values", "Values and their uncertainty", frame, notes)
+    return Table("values", "Values and their uncertainty", frame, (note, OUTPUTS_NOTE))
+
+
+def _largest(what: str, case: Case) -> str:
+    """Name of the largest of a history: of a motion it is that of the outputs."""
+    return f"largest {what}" if case.static else f"largest {what} {AT_OUTPUTS}"
 
 
 def _series(solution: Solution, case: Case) -> Iterator[tuple[str, str, str, np.ndarray]]:

@@ -1,15 +1,14 @@
 """Common start of all extremes of a case: a run that is accurate enough, and variants of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from anctmm.model.case import Case
-from anctmm.results.metrics import EPS
+from anctmm.results.metrics import EPS, Array
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from studies.engine.refinement import Refined, Refinement, Setup, offer_of
@@ -18,14 +17,13 @@ from studies.engine.study import Picture
 from studies.engine.tables import Table
 from studies.engine.trials import Trial
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-3, True: 1e-2}
 #: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
 TIGHT = 1e-12
-#: Elements times steps of a run at most.
-MOST_WORK = 4e6
+#: Elements times steps of a run at most, and the beginning of the status of a run that would take more.
+MOST_WORK, NOT_RUN = 4e6, "not run"
 
 
 @dataclass(frozen=True)
@@ -65,14 +63,10 @@ class Base:
         return replace(self.found.trial, options=(("newton_tolerance", TIGHT),))
 
     @property
-    def steps(self) -> int:
-        """Steps of the refined run; of an equilibrium 1."""
-        return 1 if self.case.static else round(self.case.duration / self.trial.dt)
-
-    @property
     def rounding(self) -> float:
         """Rounding of a coordinate of size 1, at most: each step rounds it, implicit velocities are differences."""
-        return 4.0 * EPS * self.steps**1.5
+        steps = 1 if self.case.static else round(self.case.duration / self.trial.dt)
+        return 4.0 * EPS * steps**1.5
 
     def run(self, trial: Trial, what: str) -> Solution:
         """Solution of a variant; whatever fails is a solution with that status."""
@@ -82,6 +76,25 @@ class Base:
     def row(self, status: str = "ok", **columns: Any) -> Row:
         """A row of a table."""
         return {"scene": self.case.name, **columns, "status": status}
+
+    def swept(
+        self,
+        what: str,
+        factors: Sequence[float],
+        variant: Callable[[float], Trial],
+        measured: Callable[[Trial, Solution], Row],
+    ) -> list[Row]:
+        """A row for each factor: what is measured of its variant, or why there is nothing."""
+        rows = []
+        for factor in factors:
+            trial = variant(factor)
+            if trial.work > MOST_WORK:
+                rows.append(self.row(f"{NOT_RUN}: {trial.work:.1e} elements times steps", factor=factor))
+                continue
+            run = self.run(trial, f"{what}, {factor:g}")
+            found = measured(trial, run) if run.status.ok else {}
+            rows.append(self.row(str(run.status), factor=factor, **found))
+        return rows
 
 
 def _peer(found: Refined, runner: Runner) -> str:
@@ -103,14 +116,12 @@ def size_of(u: Array) -> float:
     return float(np.linalg.norm(u, axis=2).max(initial=0.0)) or 1.0
 
 
-def apart(
-    one: Solution, other: Solution, case: Case, length: float = 1.0, size: float | None = None
-) -> Array:
+def apart(one: Solution, other: Solution, case: Case, size: float | None = None) -> Array:
     """At each common output the largest difference of two runs at the probes, over the largest displacement.
 
-    `length`: units of the other in a metre; `size`: the largest displacement, m, that of the first without it.
+    `size`: the largest displacement, m, that of the first without it.
     """
-    u, v = paths(one, case), paths(other, case) / length
+    u, v = paths(one, case), paths(other, case)
     if case.static:  # solvers take load steps of their own
         u, v = u[-1:], v[-1:]
     n = min(len(u), len(v))

@@ -7,12 +7,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anctmm.model.bodies import Beam
+from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse
 from anctmm.model.scene import Force, Scene
+from anctmm.results.metrics import Array
 from anctmm.results.solution import Solution
 from studies.engine.files import file_name
 from studies.engine.study import Picture
-from studies.extremes.base import Array, Base, Part, Row, apart, good, part, paths, size_of
+from studies.extremes.base import Base, Part, Row, apart, good, part, paths, size_of
 from studies.report.plots import DASHES, legend_below, picture
 
 #: Size of the disturbance at the end of an undisturbed free flight, of the largest displacement.
@@ -33,32 +35,27 @@ NOTE = (
 
 def growth(base: Base) -> tuple[Part, float]:
     """Rows of one case, and the factor by which its motion makes a disturbance larger."""
-    ours, trial = base.run(base.trial, "refined run"), base.trial
-    pushed = replace(trial, scene=_disturbed(base, size_of(paths(ours, base.case))))
+    case, trial = base.case, base.trial
+    ours = base.run(trial, "refined run")
+    pushed = replace(trial, scene=_disturbed(case, size_of(paths(ours, case))))
     pairs = {f"push, {trial.solver}": (ours, base.run(pushed, "disturbed"))}
     if base.peer:
         peer = base.run(replace(trial, solver=base.peer), base.peer)
         pairs[f"push, {base.peer}"] = peer, base.run(replace(pushed, solver=base.peer), "disturbed")
         pairs[f"{trial.solver} and {base.peer}"] = ours, peer
-    whole = {
-        what: apart(one, other, base.case)
-        for what, (one, other) in pairs.items()
-        if one.status.ok and other.status.ok
-    }
     rows: list[Row] = []
+    whole: dict[str, Array] = {}
     for what, solutions in pairs.items():
-        if what not in whole:
-            bad = next(s for s in solutions if not s.status.ok)
+        bad = next((s for s in solutions if not s.status.ok), None)
+        if bad is None:
+            whole[what] = apart(*solutions, case)
+            rows.append(base.row(what=what, **_grown(ours.t, whole[what])))
+        else:
             rows.append(base.row(str(bad.status), what=what))
-            continue
-        rows.append(base.row(what=what, **_grown(ours.t, whole[what])))
     larger = max(good(rows)[0]["growth"] if good(rows) else 1.0, 1.0)
     for row in good(rows):
-        pushes = row["what"].startswith("push")
-        row["uncertainty"] = base.rounding * (1.0 if pushes else larger)
-        if not pushes:
-            row |= {"growth": nan, "rate": nan}
-    drawn = _picture(base.case.name, ours, whole)
+        row["uncertainty"] = base.rounding * (1.0 if row["what"].startswith("push") else larger)
+    drawn = _picture(case.name, ours, whole)
     return part("growth", "How a disturbance grows", rows, NOTE, _finding(base, rows), drawn), larger
 
 
@@ -76,28 +73,24 @@ def _grown(t: Array, difference: Array) -> Row:
     }  # fmt: skip
 
 
-def _disturbed(base: Base, displacement: float) -> Scene:
+def _disturbed(case: Case, displacement: float) -> Scene:
     """The scene with a short push at all probes, which moves all of its mass by DISTURBANCE of a displacement, m."""
-    scene, duration = base.case.scene, PUSH * base.case.duration
-    mass = sum(b.mass for b in scene.bodies if not isinstance(b, Beam)) + sum(
-        b.material.density * b.section.area * b.length for b in scene.beams
-    )
-    force = 2.0 * DISTURBANCE * displacement * mass * PUSH / duration**2 / len(base.case.probes)
+    scene, duration = case.scene, PUSH * case.duration
+    beams = sum(b.material.density * b.section.area * b.length for b in scene.beams)
+    mass = beams + sum(b.mass for b in scene.bodies if not isinstance(b, Beam))
+    force = 2.0 * DISTURBANCE * displacement * mass * PUSH / duration**2 / len(case.probes)
     pulse = Pulse(amplitude=force, duration=duration)
     push = History(lambda t: (0.8 * pulse(t), 0.6 * pulse(t)), breaks=(0.0, duration))
-    return replace(scene, loads=(*scene.loads, *(Force(probe, push) for probe in base.case.probes)))
+    return replace(scene, loads=(*scene.loads, *(Force(probe, push) for probe in case.probes)))
 
 
 def _finding(base: Base, rows: list[Row]) -> str:
-    if rows[0]["status"] != "ok":
-        return f"{base.case.name}, disturbance: {rows[0]['status']}."
-    grows = [
-        f"grows {r['growth']:.2g} times ({r['what']})" if isfinite(r["growth"]) else f"leaves no trace ({r['what']})"
-        for r in good(rows) if r["what"].startswith("push")
-    ]  # fmt: skip
-    text = f"{base.case.name}: a disturbance of {DISTURBANCE:g} {', '.join(grows)}."
-    pair = rows[-1]
-    if pair["status"] != "ok" or pair["what"].startswith("push"):
+    first, pair, name = rows[0], rows[-1], base.case.name
+    if first["status"] != "ok":
+        return f"{name}, disturbance: {first['status']}."
+    grows = f"grows {first['growth']:.2g} times" if isfinite(first["growth"]) else "leaves no trace"
+    text = f"{name}: a disturbance of {DISTURBANCE:g} {grows}."
+    if pair["status"] != "ok" or pair is first:
         return text
     return (
         f"{text} {pair['what']} differ by {pair['last']:.0e} at the end: the motion can be compared until "

@@ -18,8 +18,8 @@ from anctmm.results.solution import Solution
 
 FOLDER = Path(__file__).parent
 SCENES, PICTURES, PAGE = FOLDER / "scenes", FOLDER / "pictures", FOLDER / "README.md"
-#: Outputs at which bodies are drawn, and samples of a curve at most.
-SHOWN, SAMPLES = 7, 400
+#: Outputs at which bodies are drawn.
+SHOWN = 7
 FADE = mpl.colors.LinearSegmentedColormap.from_list("fade", ["#d3e6f3", "#6fb0dc", "#0072b2", "#003a5c"])
 HEAD = """# Gallery
 
@@ -86,9 +86,8 @@ def picture(names: Mapping[str, Any], found: Solution) -> Figure:
     _positions(left, found, names["CASES"][0].probes[0])
     for axes in others:
         xlabel, x, ylabel, lines = names["curves"](found)
-        every = max(1, len(x) // SAMPLES)
         for label, y in lines.items():
-            axes.plot(x[::every], y[::every], "o" if isinstance(x, list) else "-", label=label, lw=1.2, ms=4)
+            axes.plot(x, y, "o" if isinstance(x, list) else "-", label=label, lw=1.2, ms=4)
         axes.set(xlabel=xlabel, ylabel=ylabel)
         if len(lines) > 1:
             axes.legend(fontsize=7)
@@ -100,11 +99,9 @@ def _positions(axes: Axes, found: Solution, probe: Any) -> None:
     outputs = np.unique(np.linspace(0, len(found.t) - 1, SHOWN).round().astype(int))
     for k, shade in zip(outputs, FADE(np.linspace(0.0, 1.0, len(outputs))), strict=True):
         for shape in shapes_of(found):
-            if shape.name or k == outputs[-1]:  # connectors at the end only
-                axes.plot(*shape.points[k].T, **{"color": shade, **LOOKS[shape.kind]})
+            axes.plot(*shape.points[k].T, **{"color": shade, **LOOKS[shape.kind]})
     for support in supports_of(found.scene):
         axes.plot(*support.position, MARKS[support.kind], color="#3a3a40", ms=5, zorder=4)
-    path = found.position(probe)
-    axes.plot(*path[:: max(1, len(path) // SAMPLES)].T, color="#d55e00", lw=1.0, ls=(0, (4, 2)), zorder=3)
+    axes.plot(*found.position(probe).T, color="#d55e00", lw=1.0, ls=(0, (4, 2)), zorder=3)
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_aspect("equal", adjustable="datalim")

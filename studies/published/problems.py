@@ -64,9 +64,8 @@ def thick(n: int, load: float, axis: int) -> float:
     return abs(tip(reissner(scene, mesh=n, load_steps=8), axis))
 
 
-@cache
-def lees_frame(n: int) -> tuple[float, float]:
-    """Snap-through and snap-back of a frame: both limit loads, N; elements of its shortest part."""
+def lees_frame(n: int, limit: int) -> float:
+    """Snap-through (0) or snap-back (1) of a frame: the limit load, N; elements of its shortest part."""
     section, material = at.Rectangle(3.0, 2.0), at.Material(7.2e6, 1.0)
     corners = {"post": ((0, 0), (0, 120)), "short": ((0, 120), (24, 120)), "long": ((24, 120), (120, 120))}
     bodies = [at.Beam(name, *ends, section, material) for name, ends in corners.items()]
@@ -74,7 +73,7 @@ def lees_frame(n: int) -> tuple[float, float]:
     joints = [at.Pin("post.start"), *welds, at.Pin("long.end")]
     scene = at.Scene("Lee's frame", bodies, joints, [at.Force("short.end", (0.0, -2e4))])
     t = at.solve_static(scene, mesh={"post": 5 * n, "short": n, "long": 4 * n}, path="arclength").t
-    return 2e4 * float(t[: t.argmin()].max()), 2e4 * float(t.min())
+    return 2e4 * float(t.min() if limit else t[: t.argmin()].max())
 
 
 SPAN, ROPE, WEIGHT, AXIAL, BENDING = 80.0, 100.0, 10.0, 1e7, 1e-4
@@ -139,11 +138,14 @@ def spin_up(n: int) -> float:
     return float(np.hypot(*whole(found).position("beam.end")[steady].T).mean() - length)
 
 
+def squeezer(steps: int, name: str) -> float:
+    """An angle of Andrews' squeezer at 0.03 s, rad: seven rigid bodies in three loops, with a spring."""
+    return float(angles_of(_turns_of_squeezer(steps))[name][-1])
+
+
 @cache
-def squeezer(steps: int) -> dict[str, float]:
-    """Angles of Andrews' squeezer at 0.03 s, rad: seven rigid bodies in three loops, with a spring."""
+def _turns_of_squeezer(steps: int) -> dict[str, Any]:
     scene = andrews_squeezer()
     times: dict[str, Any] = {"dt": SQUEEZED / steps, "t_end": SQUEEZED, "output_dt": SQUEEZED / OUTPUTS}
     found = whole(at.solve(scene, integrator="esdirk", newton_tolerance=1e-12, **times))
-    turns = {body.name: found.angle(f"{body.name}.center") for body in scene.bodies}
-    return {name: float(angle[-1]) for name, angle in angles_of(turns).items()}
+    return {body.name: found.angle(f"{body.name}.center") for body in scene.bodies}

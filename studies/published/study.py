@@ -3,10 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import floor, inf, log10
+from math import floor, log10
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from anctmm.errors import AnctmmError
@@ -43,49 +42,37 @@ def converged(compute: Callable[[int], float], meshes: Sequence[int]) -> Value:
     """
     values = [compute(mesh) for mesh in meshes]
     before, last = values[-2] - values[-3], values[-1] - values[-2]
-    if last == 0.0:
-        return Value(values[-1], 4.0 * float(np.spacing(abs(values[-1]))))
-    ratio = abs(before / last) if last else inf
-    left = last / (ratio - 1.0) if ratio > 2.0 else last
-    return Value(values[-1] + (left if ratio > 2.0 else 0.0), abs(left))
+    if abs(before) <= 2.0 * abs(last):
+        return Value(values[-1], abs(last))
+    left = last / (abs(before / last) - 1.0) if last else 0.0
+    return Value(values[-1] + left, abs(left))
 
 
 @dataclass(frozen=True)
 class Published:
-    """One number of a published problem.
-
-    Parameters
-    ----------
-    problem, quantity, unit : str
-    printed : str
-        As printed; its uncertainty is half of its last digit, unless `kind` says otherwise.
-    source : str
-    find : callable, optional
-        Elements → the number; None where the problem cannot be put to the solvers here.
-    finest : int
-        Elements of the finest of three meshes; a quick run halves them. Of the published number's own mesh: `fixed`.
-    note : str
-    kind : str
-        "printed"; "exact": a formula, each digit of which is known; "curve": read off a curve.
-    fixed : bool
-        Whether the published number is of one mesh, of `finest` elements.
-    """
+    """One number of a published problem."""
 
     problem: str
     quantity: str
     unit: str
     printed: str
     source: str
-    find: Callable[[int], float] | None = None
-    finest: int = 0
+    find: Callable[[int], float] | None = None  # elements → the number; None where it cannot be found here
+    finest: int = 0  # elements of the finest of three meshes; a quick run halves them
     note: str = ""
-    kind: str = "printed"
-    fixed: bool = False
+    kind: str = "printed"  # or "exact": a formula, each digit of which is known; or "curve": read off a curve
+    fixed: bool = False  # whether it is the number of one mesh, of `finest` elements
 
     @property
     def value(self) -> float:
         """The number."""
         return float(self.printed)
+
+    @property
+    def digits(self) -> int:
+        """Digits that are known of it."""
+        mantissa = self.printed.lower().partition("e")[0]
+        return ALL if self.kind == "exact" else len(mantissa.lstrip("-0.").replace(".", ""))
 
     @property
     def uncertainty(self) -> float:
@@ -104,14 +91,6 @@ class Published:
         return converged(self.find, (finest // 4, finest // 2, finest))
 
 
-def _limit(k: int, n: int) -> float:
-    return p.lees_frame(n)[k]
-
-
-def _angle(name: str, n: int) -> float:
-    return p.squeezer(n)[name]
-
-
 # fmt: off
 PUBLISHED = (
     *(Published("elastica, F L²/EI = 3", f"tip displacement {'xy'[k]}", "m", printed, EXUDYN,
@@ -128,7 +107,7 @@ PUBLISHED = (
       for size, load, k, printed in [
           ("small", 5e5, 1, "8.09900305e-4"), ("large", 5e8, 0, "0.15097103"), ("large", 5e8, 1, "0.71056837")]),
     *(Published("Lee's frame", f"{name} limit load", "N", printed, "digitised",
-                partial(_limit, k), 8, kind="curve")
+                partial(p.lees_frame, limit=k), 8, kind="curve")
       for k, (name, printed) in enumerate([("first", "18.7e3"), ("second", "-9.3e3")])),
     Published("catenary, EI → 0", "lowest point y", "m", str(p.exact_catenary()), "exact (extensible)", p.catenary, 64,
               kind="exact"),
@@ -142,20 +121,18 @@ PUBLISHED = (
     Published("spin-up", "mean stretch of the steady turn", "m", "5.143e-4", SIMO, p.spin_up, 32,
               "linear theory, ρA Ω² L³/(3 EA), for a beam that stays straight"),
     *(Published("Andrews' squeezer", f"{name} at 0.03 s", "rad", repr(value), IVP,
-                partial(_angle, name), 1200, "the limit of three steps of fourth order")
+                partial(p.squeezer, name=name), 1200, "the limit of three steps of fourth order")
       for name, value in SQUEEZED.items()),
     Published("flying spaghetti", "loaded end u_x at 7.5 s", "m", "10.1945", "one run of another code", kind="curve",
               note="a beam whose GA and rotary inertia are given apart from EA and EI: here they follow from one "
               "section and one material"),
 )
 # fmt: on
-LEFT_OUT = "Andrews' squeezer, and takes coarser meshes."
 NOTES = (
     "found: the limit of three meshes, each twice the one before, by Richardson's extrapolation with the observed "
     "order; uncertainty: what is left of it. Empty: the published number is of one mesh, on which it was found.",
     "allowed: half of the last published digit, or 2 % where it was read off a curve. Confirmed as printed: rounded, "
-    "the found value is the printed one. Otherwise confirmed to as many digits as agree and as its own uncertainty "
-    "leaves; not beyond: the difference is larger than allowed and uncertainty together.",
+    "the found value is the printed one. Not beyond: the difference is larger than allowed and uncertainty together.",
 )
 
 
@@ -166,13 +143,10 @@ def published(quick: bool = False) -> pd.DataFrame:
 
 
 def _row(entry: Published, quick: bool) -> dict[str, Any]:
-    row = {name: getattr(entry, name) for name in ("problem", "quantity", "unit")}
-    row |= {
-        "published": entry.value,
-        "allowed": entry.uncertainty,
-        "source": entry.source,
-        "note": entry.note,
-    }
+    row: dict[str, Any] = {
+        "problem": entry.problem, "quantity": entry.quantity, "unit": entry.unit, "published": entry.value,
+        "allowed": entry.uncertainty, "source": entry.source, "note": entry.note,
+    }  # fmt: skip
     if entry.find is None:
         return {**row, "verdict": f"not comparable: {entry.note}"}
     try:
@@ -181,33 +155,23 @@ def _row(entry: Published, quick: bool) -> dict[str, Any]:
         return {**row, "verdict": f"not run: {error}"}
     digits, verdict = judged(entry, found)
     return {
-        **row,
-        "found": found.value,
-        "uncertainty": found.uncertainty,
-        "digits": digits,
-        "verdict": verdict,
-    }
+        **row, "found": found.value, "uncertainty": found.uncertainty, "digits": digits, "verdict": verdict,
+    }  # fmt: skip
 
 
 def judged(entry: Published, found: Value) -> tuple[int, str]:
     """Confirmed digits, and the verdict in words."""
     difference, allowed = abs(found.value - entry.value), entry.uncertainty + found.uncertainty
-    printed = max(0, floor(log10(abs(entry.value) / (2.0 * entry.uncertainty)) + 1e-9) + 1)
-    left = _digits(abs(found.value), found.uncertainty)
-    as_printed = left >= printed and difference + found.uncertainty <= entry.uncertainty
-    if entry.kind == "printed" and as_printed:
-        return printed, f"confirmed as printed ({_counted(printed)})"
-    digits = min(_digits(max(abs(found.value), abs(entry.value)), difference), left)
-    digits = min(digits, printed - 1) if entry.kind == "printed" else digits
+    if entry.kind == "printed" and difference + found.uncertainty <= entry.uncertainty:
+        return entry.digits, f"confirmed as printed ({entry.digits} digits)"
+    size = max(abs(found.value), abs(entry.value))
+    digits = min(entry.digits, _digits(size, difference), _digits(size, found.uncertainty))
     if difference > allowed and digits < FEW:
         return digits, f"contradicted: difference {difference:.2g} {entry.unit}, {allowed:.1g} allowed"
     if digits == 0:
         return 0, f"undecided: the value found here is uncertain by {found.uncertainty:.1g} {entry.unit}"
     beyond = ", not beyond" if difference > allowed else ""
-    if entry.kind == "printed":
-        return digits, f"confirmed to {digits} of {_counted(printed)}{beyond}"
-    within = f", within the {DIGITISED:.0%} of the curve" if entry.kind == "curve" and not beyond else ""
-    return digits, f"confirmed to {_counted(digits)}{within}{beyond}"
+    return digits, f"confirmed to {digits} digit{'s' if digits > 1 else ''}{beyond}"
 
 
 def _digits(size: float, error: float) -> int:
@@ -217,25 +181,16 @@ def _digits(size: float, error: float) -> int:
     return 0 if error >= size else min(ALL, floor(-log10(error / size)))
 
 
-def _counted(count: int) -> str:
-    return f"{count} digit{'s' if count != 1 else ''}"
-
-
 def findings(frame: pd.DataFrame) -> tuple[str, ...]:
     """The table in sentences: counts of the verdicts, and each number that is not simply confirmed."""
-    kinds = {
-        "confirmed as printed": "confirmed as printed",
-        "confirmed to": "confirmed to fewer digits",
-        "undecided": "undecided",
-        "contradicted": "contradicted",
-        "not ": "not comparable or not run",
-    }
+    kinds = "confirmed as printed", "confirmed to", "undecided", "contradicted", "not "
+    said = "confirmed as printed", "confirmed to fewer digits", "undecided", "contradicted", "not compared"
     verdict = frame["verdict"].str
-    counts = {name: int(verdict.startswith(begin).sum()) for begin, name in kinds.items()}
+    counts = [(int(verdict.startswith(kind).sum()), words) for kind, words in zip(kinds, said, strict=True)]
     special = frame[verdict.contains("not beyond") | verdict.startswith(("contradicted", "not "))]
     sentences = (f"{r.problem}, {r.quantity}: {r.verdict} ({r.source})." for r in special.itertuples())
-    said = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
-    return (f"Of {len(frame)} published numbers {said}.", *sentences)
+    in_all = ", ".join(f"{count} {words}" for count, words in counts if count)
+    return (f"Of {len(frame)} published numbers {in_all}.", *sentences)
 
 
 def run(options: Any, runner: Any) -> Result:
@@ -246,5 +201,5 @@ def run(options: Any, runner: Any) -> Result:
     return Result(
         "published", "Published problems", "What do the solvers here find for numbers that others have published?",
         sentences, (), (Table("verdicts", "Published numbers, and the values found here", frame, NOTES),),
-        answers=sentences[:1], left_out=LEFT_OUT if options.quick else "",
+        answers=sentences[:1], left_out="Andrews' squeezer, and takes coarser meshes." if options.quick else "",
     )  # fmt: skip

@@ -1,24 +1,23 @@
 """Stored histories: small CSV files with a header that describes them, readable in a diff."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, isfinite, log10
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from studies.engine import provenance
 from studies.engine.files import atomic_write
 from studies.regression.scenes import CheckError, Task
 
 Array = NDArray[np.float64]
 
-FIRST, LAST, PHYSICS = "# anctmm history 1", "# end", "# physics: "
-#: Before the name of the file whose scenes a history belongs to; histories of the package have no such line.
-FILE = "# file: "
+FIRST, LAST = "# anctmm history 1", "# end"
 #: Of the quantities, each with one tolerance.
 UNITS = {
     "displacement": "m",
@@ -56,12 +55,6 @@ def quantity_of(column: Any) -> str:
         if column.startswith((f"{name} ", f"{name} (")) and column.endswith(f" ({UNITS[name]})"):
             return name
     raise ValueError(f"column {column!r} is unknown")
-
-
-def place_of(column: str) -> str:
-    """The place of a column, or its quantity where that has none."""
-    name = quantity_of(column)
-    return column.removeprefix(name).removesuffix(f"({UNITS[name]})").strip() or name
 
 
 @dataclass(frozen=True)
@@ -103,8 +96,7 @@ class History:
         return list(dict.fromkeys(map(quantity_of, self.frame)))
 
 
-@dataclass(frozen=True)
-class Tolerance:
+class Tolerance(NamedTuple):
     """Allowed difference of a quantity from the stored one, and its reason."""
 
     value: float
@@ -113,46 +105,48 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Baseline:
-    """A stored history with its settings, the tolerance of each quantity, the scene in words, and its file."""
+    """A stored history with its settings, the tolerance of each quantity, and the name of the file it belongs to."""
 
     settings: str
     tolerances: Mapping[str, Tolerance]
     history: History
-    physics: Sequence[str] = ()
     file: str = ""
 
 
-def physics_of(task: Task) -> list[str]:
-    """The scene in words; functions by their names, whose addresses say nothing."""
-    scene = task.scene
-    parts = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))]
-    parts.append(f"gravity {scene.gravity}")
-    return [re.sub(r" at 0x[0-9a-f]+", "", " ".join(part.split())) for part in parts]
-
-
-def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> None:
-    """Write a baseline, whole or not at all."""
-    history, frame = stored.history, stored.history.frame
+def write_baseline(path: Path, task: Task, stored: Baseline) -> None:
+    """Write a baseline, whole or not at all; parts of its scene are shown, functions by their names."""
+    history, frame, scene = stored.history, stored.history.frame, task.scene
     sizes = [stored.tolerances[quantity_of(column)].value for column in frame]
     decimals = [max(0, ceil(-log10(size))) + SPARE_DIGITS for size in sizes]
-    lines = [
-        FIRST,
-        *([f"{FILE}{stored.file}"] if stored.file else []),
-        f"# scene: {task.scene.name}",
-        *(f"{PHYSICS}{part}" for part in stored.physics),
-        f"# run: {task.run_name}",
-        f"# solver: {task.solver}",
-        f"# settings: {stored.settings}",
-        f"# made by (shown, not compared): {made_by}",
-        *(f"# tolerance of {q}: {t.value:.1e} {UNITS[q]}, {t.reason}" for q, t in stored.tolerances.items()),
-        f"# Newton corrections: {history.corrections}",
-        *([f"# ending: {history.ending}"] if history.ending else []),
-        f"# rows: {len(frame)}",
-        ",".join([str(frame.index.name), *frame]),
+    machine = provenance.machine()
+    physics = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))]
+    head = [
+        ("file", stored.file),
+        ("scene", scene.name),
+        *(("physics", re.sub(r" at 0x\w+", "", " ".join(part.split()))) for part in physics),
+        ("physics", f"gravity {scene.gravity}"),
+        ("run", task.run_name),
+        ("solver", task.solver),
+        ("settings", stored.settings),
+        (
+            "made by (shown, not compared)",
+            f"{machine['cores']} cores, {machine['system']}, {provenance.software()}",
+        ),
+        *(
+            (f"tolerance of {q}", f"{t.value:.1e} {UNITS[q]}, {t.reason}")
+            for q, t in stored.tolerances.items()
+        ),
+        ("Newton corrections", str(history.corrections)),
+        ("ending", history.ending),
+        ("rows", str(len(frame))),
     ]
-    for t, *row in frame.itertuples(name=None):
-        lines.append(",".join([f"{t:.9g}", *(f"{v:.{d}f}" for v, d in zip(row, decimals, strict=True))]))
-    atomic_write(path, "\n".join([*lines, LAST, ""]))
+    rows = [
+        ",".join([f"{t:.9g}", *(f"{v:.{d}f}" for v, d in zip(row, decimals, strict=True))])
+        for t, *row in frame.itertuples(name=None)
+    ]
+    names = ",".join([str(frame.index.name), *frame])
+    words = [f"# {name}: {value}" for name, value in head if value]
+    atomic_write(path, "\n".join([FIRST, *words, names, *rows, LAST, ""]))
 
 
 def read_baseline(path: Path) -> Baseline:
@@ -160,59 +154,35 @@ def read_baseline(path: Path) -> Baseline:
 
     Raises
     ------
-    FileNotFoundError
     CheckError
-        If it is none of ours, or not whole, naming the line.
+        If it is none of ours, or not whole.
     """
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise CheckError(f"{path} cannot be read: {error.strerror}; a file is needed") from None
+    lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
     if lines[0] != FIRST:
         raise CheckError(f"{path} does not begin with {FIRST!r}: it is no history stored by anctmm check")
-    head = [line for line in lines if line.startswith("# ")]
-    columns, *body = [line.split(",") for line in lines[1:] if line and not line.startswith("#")] or [[""]]
-    if lines[-2:] != [LAST, ""] or _after(head, "# rows: ") != str(len(body)):
-        raise CheckError(
-            f"{path} is cut short or edited: {len(body)} rows, and at its end {lines[-2:]}; the rows that its head "
-            f"says and {LAST!r} are needed; renew it with --update"
-        )
+    head = dict(line[2:].partition(": ")[::2] for line in lines[1:] if line.startswith("# "))
+    columns, *body = [line.split(",") for line in lines if line and not line.startswith("#")] or [[""]]
+    if lines[-2:] != [LAST, ""] or head.get("rows") != str(len(body)):
+        raise CheckError(f"{path} is cut short or edited: {len(body)} rows; renew it with --update")
     try:
-        tolerances = dict(_tolerance(line) for line in head if line.startswith("# tolerance of "))
-        if missing := {quantity_of(c) for c in columns[1:]} - set(tolerances):
-            raise ValueError(f"the tolerance of {', '.join(sorted(missing))} is missing")
+        tolerances = {q: _tolerance(head[f"tolerance of {q}"]) for q in map(quantity_of, columns[1:])}
         table = np.array(body, dtype=float).reshape(len(body), len(columns))
-        corrections = int(_after(head, "# Newton corrections: "))
+        values = dict(zip(columns[1:], table.T[1:], strict=True))
+        corrections, ending = int(head["Newton corrections"]), head.get("ending", "")
+        history = History.of(table[:, 0], columns[0], values, corrections, ending)
+        return Baseline(head["settings"], tolerances, history, head.get("file", ""))
     except (ValueError, KeyError) as error:
         raise CheckError(f"{path} cannot be read: {error}; renew it with --update") from None
-    values = dict(zip(columns[1:], table.T[1:], strict=True))
-    history = History.of(table[:, 0], columns[0], values, corrections, _after(head, "# ending: "))
-    physics = [line.removeprefix(PHYSICS) for line in head if line.startswith(PHYSICS)]
-    return Baseline(_after(head, "# settings: "), tolerances, history, physics, _after(head, FILE))
 
 
 def is_ours(path: Path) -> bool:
     """Whether a file was written by `write_baseline`, whole or not."""
-    return path.is_file() and path.read_bytes().startswith(FIRST.encode())
+    return path.read_bytes().startswith(FIRST.encode())
 
 
-def note_file(path: Path, file: str) -> None:
-    """Write into a stored history which file it belongs to; all else stays as it is."""
-    first, *rest = path.read_text(encoding="utf-8").split("\n")
-    atomic_write(
-        path, "\n".join([first, f"{FILE}{file}", *(line for line in rest if not line.startswith(FILE))])
-    )
-
-
-def _after(head: Sequence[str], start: str) -> str:
-    return next((line.removeprefix(start) for line in head if line.startswith(start)), "")
-
-
-def _tolerance(line: str) -> tuple[str, Tolerance]:
-    name, _, rest = line.removeprefix("# tolerance of ").partition(": ")
-    value, _, reason = rest.partition(f" {UNITS[name]}, ")
-    if not (float(value) > 0.0 and isfinite(float(value))):
-        raise ValueError(f"tolerance of {name} is {value}")
-    return name, Tolerance(float(value), reason)
+def _tolerance(text: str) -> Tolerance:
+    number, _, reason = text.partition(", ")
+    value = float(number.split(" ")[0])
+    if not (value > 0.0 and isfinite(value)):
+        raise ValueError(f"a tolerance is {value}")
+    return Tolerance(value, reason)

@@ -3,19 +3,19 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from math import ceil
-from re import sub
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
+from studies.engine.files import file_name
 from studies.engine.meshes import parts_of
 from studies.engine.study import check_mesh
-from studies.regression.scenes import TIGHT, CheckError, Motion, Static, Watch
+from studies.regression.scenes import TIGHT, Motion, Static, Watch
 
 #: Elements of the longest beam; steps of a run at least, and between outputs.
 ELEMENTS, STEPS, EVERY = 4, 50, 4
-#: Samples of a stored history at most, and bytes of a directory's name.
-SAMPLES, LONGEST = 20, 100
+#: Samples of a stored history at most.
+SAMPLES = 20
 #: The solvers compared: a feature that one of them lacks is reported, and is no failure.
 SOLVERS = ("anctmm", "global-dae")
 
@@ -35,53 +35,40 @@ def watches_of(
 
     Raises
     ------
-    CheckError
-        If a step does not fit, or stored histories of two cases would have one name.
     StudyError
         If a mesh does not fit.
     """
-    found: dict[str, str] = {}
-    watches = []
-    for case in cases:
-        name = sub(r"[^\w.+-]+", "-", case.name).strip(".-")
-        name = name.encode()[:LONGEST].decode(errors="ignore") or "unnamed"
-        other = found.setdefault(name, case.name)
-        if other != case.name:
-            raise CheckError(
-                f"files of scenes {other!r} and {case.name!r} would both be named {name!r}; names that differ in "
-                f"letters, digits or _ . + - are needed"
-            )
-        scene = replace(case.scene, name=name)
-        watches.append(Watch(scene, case.probes, {"cable": _run(case, mesh, dt)}, SOLVERS))
-    return tuple(watches)
+    return tuple(
+        Watch(
+            replace(case.scene, name=file_name(case.name)),
+            case.probes,
+            {"cable": _run(case, mesh, dt)},
+            SOLVERS,
+        )
+        for case in cases
+    )
 
 
 def _run(case: Case, mesh: tuple[int, ...] | None, dt: float | None) -> Motion:
     by_beam = _mesh(case.scene, mesh)
     if case.static:
-        if dt is not None:
-            raise CheckError(f"--dt is {dt:g} s for case {case.name!r}, a static equilibrium; it has no step")
         return Static(by_beam)
     outputs = round(case.duration / case.interval)
     few = next(k for k in range(1, outputs + 1) if outputs % k == 0 and outputs // k <= SAMPLES)
-    step = case.interval / (EVERY * _round(STEPS / outputs)) if dt is None else dt
-    return Discretisation(
-        by_beam, dt=step, t_end=case.duration, output_dt=few * case.interval, newton_tolerance=TIGHT
-    )
-
-
-def _round(least: float) -> int:
-    """The smallest of 1, 2, 5, 10, 20, … that is no smaller."""
-    return next(n * 10**k for k in range(9) for n in (1, 2, 5) if n * 10**k >= least * (1.0 - 1e-9))
+    least = STEPS / outputs * (1.0 - 1e-9)
+    parts = next(n * 10**k for k in range(9) for n in (1, 2, 5) if n * 10**k >= least)  # easy to read
+    step = case.interval / (EVERY * parts) if dt is None else dt
+    times = {"dt": step, "t_end": case.duration, "output_dt": few * case.interval}
+    return Discretisation(by_beam, newton_tolerance=TIGHT, **times)
 
 
 def _mesh(scene: Scene, given: tuple[int, ...] | None) -> int | dict[str, int]:
     """Elements of each beam; if none are given a few, by its length, with a node at each joint inside it."""
-    longest = max((beam.length for beam in scene.beams), default=1.0)
     if given is None:
+        longest = max((beam.length for beam in scene.beams), default=1.0)
         least = [2 * ceil(ELEMENTS / 2 * beam.length / longest * (1.0 - 1e-9)) for beam in scene.beams]
         parts = [parts_of(scene, beam) for beam in scene.beams]
-        given = tuple(n if p == 1 else p * ceil(n / p) for n, p in zip(least, parts, strict=True)) or (2,)
+        given = tuple(p * ceil(n / p) for n, p in zip(least, parts, strict=True)) or (2,)
     elif scene.beams:
         check_mesh(scene, given)
     if len(given) == 1:

@@ -127,38 +127,36 @@ class Chain:
 def _layout(scene: Scene) -> Layout | None:
     """How beams follow each other; None of what is no chain."""
     names, last = [body.name for body in scene.bodies], len(scene.bodies) - 1
-    held: dict[tuple[int, float], Joint] = {}
-    links: dict[int, tuple[Joint, int, int]] = {}
+    held: dict[tuple[int, Any], Joint] = {}
+    links: list[tuple[int, int, Any, Any, Joint]] = []
     for joint in scene.joints:
-        places = [scene.place(place) for place in joint.places]
-        at = sorted((names.index(place.body.name), float(place.key)) for place in places)
-        bodies = [n - at[0][0] for n, _ in at]
-        match joint:
-            case _ if any(place.interior for place in places) or (at[0][0] in links and len(at) > 1):
-                return None
-            case Pin() | Clamp(stretch="held") if bodies == [0]:
-                held[at[0]] = joint
-            case Pin(grounded=False) | Weld(grounded=False, angle=None, stretch="held") if bodies == [0, 1]:
-                links[at[0][0]] = joint, int(at[0][1]), int(at[1][1])
-            case _:
-                return None
-    if sorted(links) != [*range(last)]:
+        at = sorted((names.index(place.body.name), place.key) for place in map(scene.place, joint.places))
+        if len(at) == 2 and isinstance(joint, Pin | Weld):
+            links.append((at[0][0], at[1][0], at[0][1], at[1][1], joint))
+        elif len(at) == 1 and isinstance(joint, Pin | Clamp) and at[0] not in held:
+            held[at[0]] = joint
+        else:
+            return None
+    links.sort(key=lambda link: link[0])
+    sides = [1 - links[0][2] if links else 0, *(link[3] for link in links)]
+    neighbours = [link[:2] for link in links] == [(b, b + 1) for b in range(last)]
+    passed = all(link[2] == 1 - side for link, side in zip(links, sides, strict=False))
+    ends = (0, sides[0]), (last, 1 - sides[-1])
+    plain = not any(getattr(joint, "stretch", "held") == "free" for joint in scene.joints)
+    grounded = any(link[4].grounded or getattr(link[4], "angle", None) for link in links)
+    if not (neighbours and passed and plain and not grounded and {*held} <= {*ends}):
         return None
-    between = [links[b] for b in range(last)]
-    sides = [1 - between[0][1] if last else 0, *(inboard for _, _, inboard in between)]
-    ends = (0, float(sides[0])), (last, 1.0 - sides[-1])
-    if any(outboard == side for (_, outboard, _), side in zip(between, sides, strict=False)):
-        return None
-    joints = [joint for joint, _, _ in between]
-    return (sides, joints, [held.get(end) for end in ends]) if {*held} <= {*ends} else None
+    return [int(side) for side in sides], [link[4] for link in links], [held.get(end) for end in ends]
 
 
 def _known_loads(scene: Scene) -> bool:
     """Whether nothing acts but what `Chain.forces` knows."""
-    loads = [load for load in scene.loads if isinstance(load, Force | Torque)]
-    follow = any(isinstance(load, Force) and load.follower for load in loads)
-    inside = any(scene.place(load.end).interior for load in loads)
-    return not (scene.connectors or follow or inside) and len(loads) == len(scene.loads)
+    return not scene.connectors and all(
+        isinstance(load, Force | Torque)
+        and not getattr(load, "follower", False)
+        and not scene.place(load.end).interior
+        for load in scene.loads
+    )
 
 
 def vectors_of(flat: Array) -> Complex:

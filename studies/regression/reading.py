@@ -1,6 +1,6 @@
 """What a task finds: its run, and the few numbers of it that are stored."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 import anctmm as at
-from anctmm.errors import AnctmmError, PluginError, ResultError, SolverError, shown
+from anctmm.errors import AnctmmError, PluginError, ResultError, UnknownSolverError, shown
 from anctmm.model.connectors import RotationalSpring
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.scene import Beam, Probe
@@ -32,6 +32,7 @@ from studies.regression.scenes import (
     StartVelocities,
     Static,
     Task,
+    motions_of,
 )
 
 Array = NDArray[np.float64]
@@ -55,22 +56,22 @@ def answered(task: Task) -> tuple[Status, History | None]:
     Returns
     -------
     Status
-        How it ended: "refused" where one of `anctmm.errors` was raised, "failed" where anything else was.
+        How it ended: "absent" where its solver is not installed, "refused" where another of `anctmm.errors` was
+        raised, "failed" where anything else was.
     History or None
         None where it did not end as it must.
     """
     try:
         with contained(), threadpool_limits(limits=1):
-            status, read = _run(task)
-            return status, read() if status.code == task.ends else None
+            status, history = _run(task)
+    except (PluginError, UnknownSolverError) as error:
+        return Status("absent", str(error)), None
     except AnctmmError as error:
-        words = f"{type(error).__name__}: {error}"
-        status = Status("failed", str(error)) if isinstance(error, PluginError) else Status("refused", words)
+        status = Status("refused", f"{type(error).__name__}: {error}")
+        history = _empty("t (s)", f"refused, {type(error).__name__}")
     except Exception as error:  # one broken solver must not end a check
-        status = Status("failed", f"{type(error).__name__}: {error}")
-    if not status.code == task.ends == "refused":
-        return status, None
-    return status, _empty("t (s)", f"refused, {status.message.partition(':')[0]}")
+        return Status("failed", f"{type(error).__name__}: {error}"), None
+    return status, history if status.code == task.ends else None
 
 
 def _empty(axis: str, ending: str) -> History:
@@ -78,25 +79,24 @@ def _empty(axis: str, ending: str) -> History:
     return History.of(np.empty(0), axis, {}, 0, ending)
 
 
-def _run(task: Task) -> tuple[Status, Callable[[], History]]:
-    """How the run of a task ended, and a function that reads its history."""
+def _run(task: Task) -> tuple[Status, History | None]:
+    """How the run of a task ended, and its history; None where it did not end as it must."""
     run = task.run
     if isinstance(run, StartVelocities):
-        moving = at.consistent_velocities(task.scene)
-        return Status(), lambda: _table("body", _velocities(moving))
+        return Status(), _table("body", _velocities(at.consistent_velocities(task.scene)))
     if isinstance(run, Frequencies):
-        return Status(), lambda: _table("mode", _modes(task, run))
+        return Status(), _table("mode", _modes(task, run))
+    solutions = [solution_of(task, one) for one in motions_of(run)]
+    status = next((s.status for s in solutions if not s.status.ok), Status())
+    if status.code != task.ends:
+        return status, None
+    found = solutions[0]
     if isinstance(run, Compared):
-        one, other = solution_of(task, run.run), solution_of(task, run.reference)
-        status = other.status if one.status.ok else one.status
-        return status, lambda: _table("probe", _comparison(task, one, other))
-    if isinstance(run, Forces):
-        found = solution_of(task, run.run)
-        return found.status, lambda: _history(run.run, found, _forces(_saved(found)))
-    found = solution_of(task, run)
+        return status, _table("probe", _comparison(task, *solutions))
     if isinstance(run, Static) and run.path == ARC_LENGTH:
-        return found.status, lambda: _table("limit point", _limits(task, found))
-    return found.status, lambda: _history(run, found, _motion(task, found))
+        return status, _table("limit point", _limits(task, found))
+    columns = _forces(_saved(found)) if isinstance(run, Forces) else _motion(task, found)
+    return status, _history(motions_of(run)[0], found, columns)
 
 
 def solution_of(task: Task, run: Motion) -> Solution:
@@ -107,13 +107,13 @@ def solution_of(task: Task, run: Motion) -> Solution:
         options |= {} if run.path == "load" else {"path": run.path}
         static = registry.static_of(name, solver)
         answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
-    elif isinstance(run, FromRest):
-        options["start"] = registry.static_of(name, solver)(task.scene, run.equilibrium)
-        answer = solver(task.scene, run.motion, **options)
     else:
+        if isinstance(task.run, FromRest):
+            still = Static(run.mesh, run.element, run.quadrature, run.newton_tolerance)
+            options["start"] = registry.static_of(name, solver)(task.scene, still.discretisation)
         answer = solver(task.scene, run, **options)
     if not isinstance(answer, Solution):
-        raise SolverError(f"solver {name!r} answers {shown(answer)}; a Solution is needed")
+        raise TypeError(f"solver {name!r} answers {shown(answer)}; a Solution is needed")
     return answer
 
 
@@ -122,22 +122,17 @@ def solution_of(task: Task, run: Motion) -> Solution:
 
 def _history(run: Motion, found: Solution, columns: Columns) -> History:
     """Samples at the times wanted; a solver may take more of them (load steps), or end early."""
-    axis, status = "load factor" if isinstance(run, Static) else "t (s)", found.status
+    status, static = found.status, isinstance(run, Static)
+    axis = "load factor" if static else "t (s)"
     parts = {"step": status.step, "body": status.body, "element": status.element}
     words = [status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)]
     ending = "" if status.ok else ", ".join(words)
     if len(found.t) < 2:  # a run that ended before its first output has only a status
         return _empty(axis, ending)
-    mine, _ = common_times(found.t, times_of(run))
+    times = np.linspace(0.0, 1.0, run.load_steps + 1) if static else run.times(run.output_steps)
+    mine, _ = common_times(found.t, times)
     values = {head: series[mine] for head, series in columns}
     return History.of(found.t[mine], axis, values, found.cost.newton_iterations, ending)
-
-
-def times_of(run: Motion) -> Array:
-    """When samples are taken: s, or load factors."""
-    if isinstance(run, Static):
-        return np.arange(run.load_steps + 1) / run.load_steps
-    return run.times(run.output_steps)
 
 
 def _motion(task: Task, found: Solution) -> Columns:
@@ -186,12 +181,14 @@ def _saved(found: Solution) -> Solution:
 
 def _forces(found: Solution) -> Columns:
     """Reactions of all joints, section forces of the flexible beams, tensions of all connectors."""
+    assert found.run
+    kinds = {name: kind for name, (_, kind) in found.run.of(found.scene).items()}
     for k, joint in enumerate(found.scene.joints):
         where, reaction = f"joint {k} {type(joint).__name__}", found.reaction(joint)
         yield from _vector("reaction", where, reaction[:, :2])
         yield label("reaction moment", where), reaction[:, 2]
     for beam in found.scene.beams:
-        for fraction in () if _is_rigid(found, beam) else SECTIONS:
+        for fraction in () if kinds[beam.name] == "rigid" else SECTIONS:
             where, force = f"{beam.name} at {fraction:g}", found.section_force((beam.name, fraction))
             yield label("section force", f"N {where}"), force[:, 0]
             yield label("section force", f"Q {where}"), force[:, 1]
@@ -203,11 +200,6 @@ def _forces(found: Solution) -> Columns:
     lost = found.energy.dissipated
     if np.any(lost != 0.0) and np.isfinite(lost).all():
         yield label("dissipated energy"), lost
-
-
-def _is_rigid(found: Solution, beam: Beam) -> bool:
-    element = found.run.element if found.run else "cable"
-    return (element if isinstance(element, str) else element.get(beam.name)) == "rigid"
 
 
 def _limits(task: Task, found: Solution) -> Columns:

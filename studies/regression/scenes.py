@@ -9,13 +9,11 @@ from typing import Any
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, shown
 from anctmm.model.scene import Probe, Scene
-from anctmm.validation import one_of
+from anctmm.validation import one_of, whole
 from studies.user_files import defined_in
 
-#: What a user's file must define.
-DECLARED = "WATCHED"
 #: Names of scenes, runs and solvers become names of directories and files.
-PLAIN = re.compile(r"\w[\w.+-]{0,99}")
+PLAIN = re.compile(r"\w[\w.+-]*")
 #: Newton tolerance of stored runs: a looser one makes wide tolerances.
 TIGHT = 1e-12
 #: How equilibria are followed.
@@ -56,13 +54,8 @@ class Static:
 
     def __post_init__(self) -> None:
         one_of("path of a Static", self.path, PATHS)
-        if type(self.load_steps) is not int or not 1 <= self.load_steps <= MOST_STEPS:
-            raise CheckError(
-                f"load_steps is {shown(self.load_steps)}; a whole number from 1 to {MOST_STEPS} is needed"
-            )
-        checked = self.discretisation
-        for name in ("mesh", "element", "quadrature", "newton_tolerance"):
-            object.__setattr__(self, name, getattr(checked, name))
+        whole("load_steps", self.load_steps, MOST_STEPS, CheckError)
+        _ = self.discretisation
 
     @property
     def discretisation(self) -> Discretisation:
@@ -72,22 +65,14 @@ class Static:
         )
 
 
+Motion = Discretisation | Static
+
+
 @dataclass(frozen=True)
-class FromRest(Discretisation):
+class FromRest:
     """A motion that starts from the static equilibrium of its scene, under the loads of t = 0."""
 
-    @property
-    def motion(self) -> Discretisation:
-        """How it moves from there."""
-        return Discretisation(**{f.name: getattr(self, f.name) for f in fields(self) if f.init})
-
-    @property
-    def equilibrium(self) -> Discretisation:
-        """What a static solver needs to know."""
-        return Static(self.mesh, self.element, self.quadrature, self.newton_tolerance).discretisation
-
-
-Motion = Discretisation | Static
+    run: Discretisation
 
 
 @dataclass(frozen=True)
@@ -120,36 +105,35 @@ class StartVelocities:
     """Rigid velocities that are consistent with joints and drives."""
 
 
-Run = Motion | Forces | Compared | Frequencies | StartVelocities
-KINDS = (Discretisation, FromRest, Static, Forces, Compared, Frequencies, StartVelocities)
+Run = Motion | FromRest | Forces | Compared | Frequencies | StartVelocities
+
+
+def motions_of(run: Run) -> tuple[Motion, ...]:
+    """The motions and equilibria within a run."""
+    if isinstance(run, Discretisation | Static):
+        return (run,)
+    return tuple(part for part in (getattr(run, f.name) for f in fields(run)) if isinstance(part, Motion))
 
 
 def iterations_of(run: Run) -> tuple[Motion, ...]:
     """The runs within a run that have a Newton iteration."""
-    match run:
-        case Discretisation():
-            return () if run.explicit else (run,)
-        case Static():
-            return (run,)
-        case Forces():
-            return iterations_of(run.run)
-        case Compared():
-            return (*iterations_of(run.run), *iterations_of(run.reference))
-        case Frequencies():
-            return (run.run,) if run.at_rest or run.spin else ()
-        case _:
-            return ()
+    if isinstance(run, Frequencies) and not (run.at_rest or run.spin):
+        return ()
+    return tuple(one for one in motions_of(run) if isinstance(one, Static) or not one.explicit)
 
 
 def settings_of(run: Run) -> str:
     """A run in words: a history is compared with one of the same settings only."""
+    inside = [settings_of(part) for part in motions_of(run) if part is not run]
     match run:
+        case FromRest():
+            return f"start=rest, {inside[0]}"
         case Forces():
-            return f"forces, {settings_of(run.run)}"
+            return f"forces, {inside[0]}"
         case Compared():
-            return f"{settings_of(run.run)}, compared with, {settings_of(run.reference)}"
+            return ", compared with, ".join(inside)
         case Frequencies():
-            return f"modes={run.count}, at_rest={run.at_rest}, spin={run.spin:g}, {settings_of(run.run)}"
+            return f"modes={run.count}, at_rest={run.at_rest}, spin={run.spin:g}, {inside[0]}"
         case StartVelocities():
             return "consistent velocities"
     found = {
@@ -157,8 +141,7 @@ def settings_of(run: Run) -> str:
         for f in fields(run)
         if f.init and (f.name in ALWAYS or f.default is MISSING or getattr(run, f.name) != f.default)
     }
-    words = [f"{name}={_words(value)}" for name, value in found.items()]
-    return ", ".join(["start=rest", *words] if isinstance(run, FromRest) else words)
+    return ", ".join(f"{name}={_words(value)}" for name, value in found.items())
 
 
 def _words(value: Any) -> str:
@@ -206,35 +189,28 @@ class Watch:
         if type(self.scene) is not Scene:
             raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
         whose = f"of {self.scene.name!r}"
-        for name, kinds in (("probes", list | tuple), ("solvers", list | tuple), ("runs", Mapping)):
+        for name, kind in (("probes", list | tuple), ("solvers", list | tuple), ("runs", Mapping)):
             value = getattr(self, name)
-            if not isinstance(value, kinds) or not value:
+            if not isinstance(value, kind) or not value:
                 what = "mapping" if name == "runs" else "list"
                 raise CheckError(
                     f"Watch {whose} has {name} {shown(value)}; a {what} of at least one is needed"
                 )
-        for name in ("probes", "solvers"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        self._check_names()
-        for probe in self.probes:
-            self.scene.probe(probe)
         for name, run in self.runs.items():
-            if type(run) not in KINDS:
+            if not isinstance(run, Run):
                 raise CheckError(
                     f"run {name!r} {whose} is {shown(run)}; a Discretisation or a Static is needed"
                 )
-
-    def _check_names(self) -> None:
-        names = [("solver", solver) for solver in self.solvers] + [("run name", run) for run in self.runs]
-        for what, name in [("scene name", self.scene.name), *names]:
+        for name in (self.scene.name, *self.runs, *self.solvers):
             if not isinstance(name, str) or not PLAIN.fullmatch(name):
                 raise CheckError(
-                    f"{what} is {shown(name)}; letters, digits and _ . + - are allowed, at most 100: it becomes a "
-                    f"file's name"
+                    f"name {shown(name)} {whose} becomes a file's; letters, digits, _ . + - are needed"
                 )
-        for body in self.scene.beams:
+        for body in self.scene.bodies:
             if "," in body.name or not body.name.isprintable():
                 raise CheckError(f"body name is {body.name!r}; no comma and no control character is allowed")
+        for probe in self.probes:
+            self.scene.probe(probe)
 
 
 @dataclass(frozen=True)
@@ -273,7 +249,7 @@ def tasks_of(watches: Iterable[Watch]) -> tuple[Task, ...]:
         If two would share a file.
     """
     tasks = tuple(
-        Task(watch.scene, watch.probes, name, run, solver, watch.ends)
+        Task(watch.scene, tuple(watch.probes), name, run, solver, watch.ends)
         for watch in watches
         for name, run in watch.runs.items()
         for solver in watch.solvers
@@ -292,10 +268,9 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
     CheckError
         If the file is not there, does not run, or declares nothing of that kind.
     """
-    found = defined_in(path, DECLARED, CheckError, "--scenes")
-    watches = tuple(found) if isinstance(found, list | tuple) else ()
-    if not watches or not all(isinstance(w, Watch) for w in watches):
+    found = defined_in(path, "WATCHED", CheckError, "--scenes")
+    if not found or not isinstance(found, list | tuple) or not all(isinstance(w, Watch) for w in found):
         raise CheckError(
-            f"--scenes {path} defines {DECLARED} = {shown(found)}; a list of at least one Watch is needed"
+            f"--scenes {path} defines WATCHED = {shown(found)}; a list of at least one Watch is needed"
         )
-    return watches
+    return tuple(found)

@@ -8,7 +8,7 @@ be refused, or must diverge, stands here too; `watches` says how each is run, an
 Large loads on soft bodies: in few steps every term of the elements is large.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, sin
 from typing import Any
 
@@ -25,89 +25,24 @@ A, B, C, D, E = (0.0, 0.0), (0.4, 0.1), (0.7, 0.4), (1.1, 0.3), (1.4, 0.5)
 GRAVITY = (7.0, -11.0)
 
 
-# --- what acts in time: classes with a name, so that their text is the same in every process -------------------
+# --- what acts in time -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Ramp:
+def ramp(first: Point, rate: Point) -> Any:
     """A force that grows and turns, N."""
-
-    first: Point
-    rate: Point
-
-    def __call__(self, t: Any) -> tuple[Any, Any]:
-        """Force at the time(s) t (s)."""
-        return self.first[0] + self.rate[0] * t, self.first[1] + self.rate[1] * t * t
+    return lambda t: (first[0] + rate[0] * t, first[1] + rate[1] * t * t)
 
 
-@dataclass(frozen=True)
-class Ramped:
-    """A moment that grows, N m."""
-
-    first: float
-    rate: float
-
-    def __call__(self, t: Any) -> Any:
-        """Moment at the time(s) t (s)."""
-        return self.first + self.rate * t
+def spin(speed: float, acceleration: float = 0.0) -> Any:
+    """A driven angle or position that already changes at t = 0, with its rate and acceleration."""
+    return lambda t: (
+        (speed + 0.5 * acceleration * t) * t, speed + acceleration * t, acceleration + 0.0 * t,
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Spin:
-    """The angle of a driven clamp that already turns at t = 0: θ = ωt + ½αt²."""
-
-    speed: float
-    acceleration: float
-
-    def __call__(self, t: Any) -> tuple[Any, Any, Any]:
-        """Angle, rate and acceleration at the time(s) t (s)."""
-        rate = self.speed + self.acceleration * t
-        return self.speed * t + 0.5 * self.acceleration * t * t, rate, self.acceleration + 0.0 * t
-
-
-@dataclass(frozen=True)
-class Sliding:
-    """A position that already changes at t = 0."""
-
-    speed: float
-
-    def __call__(self, t: float) -> tuple[float, float, float]:
-        """Position, velocity and acceleration at a time (s)."""
-        return self.speed * t, self.speed, 0.0
-
-
-@dataclass(frozen=True)
-class Drawn:
+def drawn(first: float, rate: float, growth: float) -> Any:
     """A free length or angle that changes, and its rate."""
-
-    first: float
-    rate: float
-    growth: float
-
-    def __call__(self, t: float) -> tuple[float, float]:
-        """Value and rate at a time (s)."""
-        return self.first + self.rate * t + self.growth * t * t, self.rate + 2.0 * self.growth * t
-
-
-@dataclass(frozen=True)
-class Carried:
-    """Initial velocity of a body, m/s: a rotation about a centre, a translation, and a bending rate along it."""
-
-    start: Point
-    end: Point
-    speed: float = 0.0
-    centre: Point = (0.0, 0.0)
-    drift: Point = (0.0, 0.0)
-    bending: float = 0.0
-
-    def __call__(self, fraction: float) -> Point:
-        """Velocity at a fraction of the length."""
-        x, y = ((1.0 - fraction) * a + fraction * b for a, b in zip(self.start, self.end, strict=True))
-        more = self.bending * fraction * fraction * (1.0 - fraction)
-        return (
-            self.drift[0] - self.speed * (y - self.centre[1]) + more,
-            self.drift[1] + self.speed * (x - self.centre[0]) + 2.0 * more,
-        )
+    return lambda t: (first + rate * t + growth * t * t, rate + 2.0 * growth * t)
 
 
 def stiffening(elongation: float, rate: float, t: float) -> float:
@@ -125,9 +60,17 @@ def body(name: str, start: Point, end: Point, material: at.Material = SOFT, sect
     return at.Beam(name, start, end, section, material)
 
 
-def moving(beam: at.Beam, **motion: Any) -> at.Beam:
-    """The beam with an initial velocity, see `Carried`."""
-    return replace(beam, velocity=Carried(beam.start, beam.end, **motion))
+def moving(
+    beam: at.Beam, speed: float = 0.0, centre: Point = A, drift: Point = (0.0, 0.0), bending: float = 0.0
+) -> at.Beam:
+    """The beam with an initial velocity: a rotation about a centre, a translation, and a bending rate along it."""
+
+    def velocity(fraction: float) -> Point:
+        x, y = beam.position_at(fraction)
+        more = bending * fraction * fraction * (1.0 - fraction)
+        return drift[0] - speed * (y - centre[1]) + more, drift[1] + speed * (x - centre[0]) + 2.0 * more
+
+    return replace(beam, velocity=velocity)
 
 
 def quintic(turn: float, duration: float) -> dict[str, Any]:
@@ -144,7 +87,7 @@ DRIVEN_ROW = at.Scene(
     [body("one", A, B), body("two", C, B, FIRM, ROD),
      moving(body("beside", (0.0, 1.0), (0.5, 1.0), PLAIN, BLOCK), speed=3.0, centre=(0.1, 0.9), bending=2.0)],
     [at.Clamp("one.start", **quintic(0.9, 0.05)), at.Pin("one.end", "two.end")],
-    [at.Force("two.start", (0.7, -0.4)), at.Force("one.end", Ramp((0.3, -0.5), (20.0, -400.0))),
+    [at.Force("two.start", (0.7, -0.4)), at.Force("one.end", ramp((0.3, -0.5), (20.0, -400.0))),
      at.Torque("two.end", 0.02), at.Torque("beside.end", at.Pulse(0.03, 0.06))],
     GRAVITY,
 )
@@ -152,7 +95,7 @@ DRIVEN_ROW = at.Scene(
 DRIVEN_END = at.Scene(
     "small-driven-end",
     [moving(body("one", A, B, FIRM, BLOCK), speed=2.0, centre=C), moving(body("two", B, C), speed=2.0, centre=C)],
-    [at.Weld("one.end", "two.start"), at.Clamp("two.end", Spin(2.0, 30.0))],
+    [at.Weld("one.end", "two.start"), at.Clamp("two.end", spin(2.0, 30.0))],
     [at.Force("one.start", (0.2, 0.6)), at.Torque("one.start", -0.01)],
     (-3.0, 4.0),
 )
@@ -160,7 +103,7 @@ DRIVEN_END = at.Scene(
 DRIVEN_TAIL = at.Scene(
     "small-driven-tail",
     [moving(body("tail", A, B, FIRM, BLOCK), speed=-3.0, centre=B)],
-    [at.Clamp("tail.end", Spin(-3.0, 20.0))], [at.Force("tail.start", (0.2, 0.6))], (2.0, 5.0),
+    [at.Clamp("tail.end", spin(-3.0, 20.0))], [at.Force("tail.start", (0.2, 0.6))], (2.0, 5.0),
 )
 # Welds at angles, one of them held at the ground, backwards bodies, a grounded pin, a clamp at the far end.
 ANGLED_ROW = at.Scene(
@@ -169,7 +112,7 @@ ANGLED_ROW = at.Scene(
     [at.Weld("one.end", "two.end", grounded=True), at.Weld("two.start", "three.start"),
      at.Pin("three.end", "four.end", grounded=True), at.Clamp("four.start")],
     [at.Force("one.start", (0.4, 0.9)), at.Torque("three.start", 0.03),
-     at.Force("two.start", Ramp((0.0, -1.0), (30.0, 100.0)))],
+     at.Force("two.start", ramp((0.0, -1.0), (30.0, 100.0)))],
     GRAVITY,
 )
 # The angled row under a load that it can bear.
@@ -195,8 +138,8 @@ MIXED_ROW = at.Scene(
             speed=2.0, centre=(0.3, 0.9), drift=(0.1, -0.3), bending=3.0)],
     [at.Clamp("one.start", **quintic(0.6, 0.04)), at.Pin("one.end", "two.end"), at.Weld("two.start", "three.start"),
      at.Pin("three.end", "four.start")],
-    [at.Torque("two.end", 0.02), at.Torque("four.end", Ramped(0.01, 0.4)),
-     at.Force("four.end", Ramp((0.2, -0.6), (10.0, 200.0))), at.Force("beside.start", (0.1, 0.2))],
+    [at.Torque("two.end", 0.02), at.Torque("four.end", lambda t: 0.01 + 0.4 * t),
+     at.Force("four.end", ramp((0.2, -0.6), (10.0, 200.0))), at.Force("beside.start", (0.1, 0.2))],
     GRAVITY,
 )
 MIXED = {"one": "shear", "two": "cable", "three": "cable", "four": "shear", "beside": "shear"}
@@ -216,7 +159,7 @@ RIGID_ROW = at.Scene(
      moving(body("beside", (0.0, 1.0), (0.5, 1.2), PLAIN, BLOCK), speed=5.0, centre=(0.3, 0.9), drift=(1.0, -2.0))],
     [at.Clamp("crank.start", **quintic(1.2, 0.06)), at.Pin("crank.end", "bar.end"),
      at.Weld("bar.start", "strip.start"), at.Pin("strip.end", "tail.start")],
-    [at.Torque("bar.start", 0.03), at.Force("tail.end", Ramp((0.5, -0.3), (30.0, 300.0))),
+    [at.Torque("bar.start", 0.03), at.Force("tail.end", ramp((0.5, -0.3), (30.0, 300.0))),
      at.Torque("beside.end", -0.02)],
     GRAVITY,
 )
@@ -235,7 +178,7 @@ LONG_STRIP = at.Scene(
     "small-long-strip",
     [body("strip", A, (2.0, 1.0)), body("tail", (2.4, 1.0), (2.0, 1.0), FIRM)],
     [at.Clamp("strip.start"), at.Pin("strip.end", "tail.end")],
-    [at.Torque("strip.end", 0.03), at.Force("tail.start", Ramp((0.1, 0.5), (10.0, 50.0)))],
+    [at.Torque("strip.end", 0.03), at.Force("tail.start", ramp((0.1, 0.5), (10.0, 50.0)))],
     GRAVITY,
 )
 # Two bodies for the options of the integrators: a turning clamp, a torque, a force that varies.
@@ -243,7 +186,7 @@ OPTIONS = at.Scene(
     "small-options",
     [body("one", A, B), body("two", C, B, FIRM, ROD)],
     [at.Clamp("one.start", **quintic(0.9, 0.05)), at.Pin("one.end", "two.end")],
-    [at.Torque("two.start", 0.02), at.Force("one.end", Ramp((0.3, -0.5), (20.0, -400.0)))],
+    [at.Torque("two.start", 0.02), at.Force("one.end", ramp((0.3, -0.5), (20.0, -400.0)))],
     GRAVITY,
 )
 # One chain with a driven start, a pin and a body drawn backwards; and damped.
@@ -291,7 +234,7 @@ BARE_DAMPED = at.Scene(
 PULSE = at.Scene(
     "small-pulse",
     [body("stick", A, (0.4, 0.3), PLAIN)], [at.Clamp("stick.start", **quintic(0.3, 0.08))],
-    [at.Torque("stick.end", at.Pulse(0.4, 0.04)), at.Force("stick.end", Ramp((0.0, 0.0), (3.0, 20.0)))],
+    [at.Torque("stick.end", at.Pulse(0.4, 0.04)), at.Force("stick.end", ramp((0.0, 0.0), (3.0, 20.0)))],
 )
 # A stiff bar that turns fast about a pin: implicit steps that are too long for it make energy.
 SPUN = at.Scene(
@@ -316,7 +259,7 @@ TREE = at.Scene(
      body("twig", C, (0.9, 0.7))],
     [at.Clamp("trunk.start", **quintic(0.7, 0.05)), at.Pin("trunk.end", "left.end", "right.start"),
      at.Weld("left.start", "twig.start")],
-    [at.Torque("right.end", 0.02), at.Force("twig.end", Ramp((0.1, -0.3), (10.0, 90.0)))],
+    [at.Torque("right.end", 0.02), at.Force("twig.end", ramp((0.1, -0.3), (10.0, 90.0)))],
     GRAVITY,
 )
 # A triangle of bodies that swings about one corner; another corner is welded at its angle.
@@ -334,7 +277,7 @@ FREED = at.Scene(
     [body("one", B, A), body("two", C, B, PLAIN, BLOCK), body("three", D, C, FIRM, ROD)],
     [at.Clamp("one.start", at.Quintic(0.6, 0.04), "free"), at.Weld("one.start", "two.end"),
      at.Clamp("three.start", stretch="free"), at.Pin("three.end", "two.start")],
-    [at.Torque("one.end", 0.01), at.Force("two.start", Ramp((0.1, -0.3), (10.0, 90.0)))],
+    [at.Torque("one.end", 0.01), at.Force("two.start", ramp((0.1, -0.3), (10.0, 90.0)))],
     GRAVITY,
 )
 # A driven clamp, a weld at an angle and a driven weld that leave the stretch free, and loads along the beams.
@@ -357,15 +300,15 @@ LINKAGE = at.Scene(
      at.RigidBody("beside", 0.05, 2e-4, (0.2, 0.8), {"a": (0.3, 0.9)}, (0.4, 0.7), 6.0)],
     [at.Clamp("one.start"), at.Pin("one.end", "plate.a"), at.Pin("plate.b", "two.end")],
     [at.Force("plate.c", (0.4, -0.3), follower=True),
-     at.Force(("one", 0.7), Ramp((0.2, 0.3), (15.0, 90.0)), follower=True),
+     at.Force(("one", 0.7), ramp((0.2, 0.3), (15.0, 90.0)), follower=True),
      at.Torque(("one", 0.35), 0.012), at.Force(("two", 0.6), (0.1, 0.25)),
-     at.Force("ball.center", Ramp((0.1, 0.0), (3.0, -60.0))), at.LineLoad("one", (0.5, -0.4)),
-     at.LineLoad("two", Ramp((0.0, 0.3), (9.0, 70.0))), at.Torque("plate.center", -0.02)],
+     at.Force("ball.center", ramp((0.1, 0.0), (3.0, -60.0))), at.LineLoad("one", (0.5, -0.4)),
+     at.LineLoad("two", ramp((0.0, 0.3), (9.0, 70.0))), at.Torque("plate.center", -0.02)],
     GRAVITY,
     [at.Spring("plate.c", "ball.center", stiffness=30.0, damping=0.2, preload=0.15),
-     at.Spring("ball.center", (1.2, 0.8), stiffness=25.0, damping=0.1, length=Drawn(0.6, 0.8, -3.0)),
+     at.Spring("ball.center", (1.2, 0.8), stiffness=25.0, damping=0.1, length=drawn(0.6, 0.8, -3.0)),
      at.Spring(("one", 0.3), "two.start", law=stiffening),
-     at.RotationalSpring("one.end", "plate.a", stiffness=0.3, damping=2e-3, angle=Drawn(0.1, 2.0, 9.0)),
+     at.RotationalSpring("one.end", "plate.a", stiffness=0.3, damping=2e-3, angle=drawn(0.1, 2.0, 9.0)),
      at.RotationalSpring("two.start", law=motor),
      at.RotationalSpring(("two", 0.4), "plate.b", stiffness=0.1, preload=0.02)],
 )
@@ -410,7 +353,7 @@ LATTICE = at.Scene(
     [at.Force("one.end", (0.2, 0.4), follower=True)], GRAVITY,
     [*(at.Spring(f"m{i}.center", f"m{j}.center", stiffness=20.0 + 3.0 * k, damping=0.02 * k, preload=0.1)
        for k, (i, j) in enumerate(PAIRS)),
-     at.Spring("m4.center", "plate.a", stiffness=25.0, length=Drawn(0.1, 0.8, -3.0)),
+     at.Spring("m4.center", "plate.a", stiffness=25.0, length=drawn(0.1, 0.8, -3.0)),
      at.Spring("m2.center", "one.end", stiffness=35.0, damping=0.1), at.Spring("plate.b", "one.end", law=stiffening),
      at.RotationalSpring("one.end", "plate.a", stiffness=0.3, damping=2e-3, angle=0.1)],
 )
@@ -457,9 +400,9 @@ STARTED = at.consistent_velocities(
     name="small-started",
     bodies=[body("crank", A, B), at.RigidBody("bar", 0.05, 2e-4, (0.5, 0.2), {"a": B, "b": (0.6, 0.3)}),
             at.PointMass("ball", 0.02, (0.6, 0.3)), body("swing", P, C)],
-    joints=[at.Clamp("crank.start", angle=Spin(3.0, 4.0)), at.Pin("crank.end", "bar.a"),
+    joints=[at.Clamp("crank.start", angle=spin(3.0, 4.0)), at.Pin("crank.end", "bar.a"),
             at.Pin("bar.b", "ball.center"), at.Slider("ball.center", (2.0, -1.0)),
-            at.Slider("swing.start", (1.0, 1.0), position=Sliding(0.4))],
+            at.Slider("swing.start", (1.0, 1.0), position=spin(0.4))],
 )
 # fmt: on
 
@@ -495,7 +438,7 @@ def driven_plate() -> at.Scene:
     )
     arm = replace(body("arm", corner, tip, FIRM, BLOCK), velocity=carried)
     joints: list[Joint] = [
-        at.Clamp("plate.hub", angle=Spin(speed, 25.0)),
+        at.Clamp("plate.hub", angle=spin(speed, 25.0)),
         at.Weld("plate.a", "arm.start", angle=at.Quintic(0.6, 0.05)),
         at.Pin("arm.end", "ball.center"),
     ]

@@ -14,7 +14,7 @@ MARGIN, is the tolerance. It stands in the file with its reason, so that one tha
 """
 
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, replace
 from math import cos, hypot, sin
 from typing import Any
 
@@ -23,14 +23,13 @@ import pandas as pd
 
 from anctmm.model.scene import Beam
 from studies.engine.other_numbers import Change
-from studies.regression.history import UNITS, Baseline, History, Tolerance, physics_of
+from studies.regression.history import UNITS, Baseline, History, Tolerance
 from studies.regression.reading import answered
 from studies.regression.scenes import ARC_LENGTH, CheckError, Static, Task, iterations_of
 
 #: Angles by which a scene is turned, rad.
 ANGLES = (0.7, 2.0, 4.1)
-#: Three samples of a distance say little of a fourth, and a sum in another order may round worse still. Seen: kernels
-#: compiled for a processor without vectors or fused products use at most 0.13 of the tolerance, uncompiled ones 0.03.
+#: Three samples of a distance say little of a fourth, and a sum in another order may round worse still.
 MARGIN = 16.0
 #: Rounding of one stored number, relative: a few of the last digits.
 EPSILON = 4.0 * float(np.finfo(float).eps)
@@ -59,14 +58,16 @@ def measured(task: Task, history: History) -> Baseline:
         status, found = answered(other)
         if found is None:
             raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {status}")
-        frame = _at(found.frame, history.t)
+        shared = [
+            np.isclose(t, history.t, rtol=1e-9, atol=1e-12).any() for t in found.t
+        ]  # of more load steps
+        frame = _turned_back(found.frame[np.array(shared, dtype=bool)], angle)
         if list(frame) != list(history.frame) or len(frame) != len(history.frame):
             raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
-        found = replace(found, frame=_turned_back(frame, angle))
         ending = [part for part in ending if part in found.ending.split(", ")]
         for quantity, by_cause in moved.items():
-            difference = found.of_quantity(quantity).to_numpy() - history.of_quantity(quantity).to_numpy()
-            by_cause[cause] = max(by_cause.get(cause, 0.0), float(np.abs(difference).max()))
+            difference = History(frame).of_quantity(quantity) - history.of_quantity(quantity).to_numpy()
+            by_cause[cause] = max(by_cause.get(cause, 0.0), float(difference.abs().to_numpy().max()))
     cause, relative = _least(task)
     tolerances = {}
     for quantity, by_cause in moved.items():
@@ -74,7 +75,7 @@ def measured(task: Task, history: History) -> Baseline:
         causes = ", ".join(f"{name} {distance:.1e}" for name, distance in by_cause.items())
         reason = f"{MARGIN:g} times the largest of: {causes}"
         tolerances[quantity] = Tolerance(MARGIN * max(by_cause.values()), reason)
-    return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)), physics_of(task))
+    return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)))
 
 
 def _disturbed(task: Task) -> Iterator[tuple[str, float, Task]]:
@@ -93,19 +94,10 @@ def _disturbed(task: Task) -> Iterator[tuple[str, float, Task]]:
 
 def _looser(run: Any) -> Any:
     """A run, or a run of runs, whose Newton iterations stop earlier."""
-    changes = {f.name: _looser(getattr(run, f.name)) for f in fields(run) if _iterates(getattr(run, f.name))}
     if hasattr(run, "newton_tolerance"):
-        changes["newton_tolerance"] = min(LOOSER * run.newton_tolerance, LOOSEST)
-    return replace(run, **changes)
-
-
-def _iterates(value: Any) -> bool:
-    return is_dataclass(value) and hasattr(value, "newton_tolerance")
-
-
-def _at(frame: pd.DataFrame, t: Any) -> pd.DataFrame:
-    """A history at the times of another one, which has fewer load steps."""
-    return frame[[bool(np.isclose(time, t, rtol=1e-9, atol=1e-12).any()) for time in frame.index]]
+        return replace(run, newton_tolerance=min(LOOSER * run.newton_tolerance, LOOSEST))
+    inside = {f.name: getattr(run, f.name) for f in fields(run)}
+    return replace(run, **{k: _looser(v) for k, v in inside.items() if hasattr(v, "newton_tolerance")})
 
 
 def _turned_back(frame: pd.DataFrame, angle: float) -> pd.DataFrame:
@@ -135,8 +127,6 @@ def _scale(task: Task, history: History, quantity: str) -> float:
     same_unit = [q for q in history.quantities if UNITS[q] == UNITS[quantity]]
     largest = float(np.abs(history.of_quantity(*same_unit).to_numpy()).max(initial=0.0))
     if quantity == "displacement":
-        places: list[tuple[Any, Any]] = []
-        for body in task.scene.bodies:
-            places += [(body, key) for key in ((0.0, 1.0) if isinstance(body, Beam) else body.keys)]
-        return max(hypot(*body.position_at(key)) for body, key in places) + largest or 1.0
+        keys = [(b, k) for b in task.scene.bodies for k in ((0.0, 1.0) if isinstance(b, Beam) else b.keys)]
+        return max(hypot(*body.position_at(key)) for body, key in keys) + largest or 1.0
     return 1.0 + largest if quantity == "angle" else largest or 1.0

@@ -1,17 +1,14 @@
 """Output of a study on the terminal: its tables, the reasons of failures, and its findings."""
 
-from pandas.api.types import is_numeric_dtype
 from rich.console import Console
-from rich.markup import escape
 
 from studies.engine.study import Result
-from studies.engine.tables import Table, cell, for_people, rich_table, say, show_table
-from studies.report.page import HIDDEN, IN_SETTING, label
+from studies.engine.tables import Table, readable, say, show_frame
 
 #: Columns that stand in the title where they are the same in all rows.
 ABOUT = ("scene", "solver", "element", "integrator")
 #: Numbers that the column `digits` shows as one text.
-IN_DIGITS = {"value", "uncertainty", "unit"}
+IN_DIGITS = ("value", "uncertainty", "unit")
 
 
 def glance(result: Result, console: Console) -> None:
@@ -26,20 +23,15 @@ def glance(result: Result, console: Console) -> None:
 
 def _show(table: Table, console: Console) -> None:
     """A table; columns with one text in all rows stand in its title, statuses below it."""
-    frame = for_people(table.frame).dropna(axis=1, how="all")
+    frame = table.frame
     if frame.empty:
         return
     constant = [c for c in ABOUT if len(frame) > 1 and c in frame and frame[c].nunique() == 1]
-    hidden = HIDDEN | {"status", *constant}
-    hidden |= IN_SETTING if "setting" in frame else set()
-    hidden |= IN_DIGITS if "digits" in frame else set()
     title = ", ".join([table.title, *(str(frame[c].iloc[0]) for c in constant)])
-    frame = frame[[c for c in frame if c not in hidden]]
-    shown = rich_table(title, {label(str(c)): is_numeric_dtype(frame[c]) for c in frame})
-    for row in frame.itertuples(index=False, name=None):
-        shown.add_row(*(escape(cell(value)) for value in row))
-    show_table(console, shown)
-    if "status" in table.frame:
-        status = table.frame["status"]
-        for why, count in status[~status.str.startswith("ok")].value_counts(sort=False).items():
-            say(console, f"{count} of {len(status)}: {why}", "yellow")
+    show_frame(
+        console, title, readable(frame, ["status", *constant, *(IN_DIGITS if "digits" in frame else ())])
+    )
+    if "status" in frame:
+        bad = frame["status"][~frame["status"].str.startswith("ok")]
+        for why, count in bad.value_counts(sort=False).items():
+            say(console, f"{count} of {len(frame)}: {why}", "yellow")

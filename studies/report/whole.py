@@ -11,7 +11,7 @@ from anctmm.model.case import Case
 from studies import scenes
 from studies.engine.files import atomic_write, file_name
 from studies.engine.runner import Runner
-from studies.engine.study import STUDIES, TAKEN, Options, Result, StudyError, find
+from studies.engine.study import STUDIES, TAKEN, Options, Result, StudyError, check_taken, find
 from studies.engine.tables import Table, write_machine, write_table
 from studies.report.page import page
 from studies.report.plots import write_picture
@@ -34,17 +34,18 @@ def run_study(name: str, options: Options, runner: Runner) -> Iterator[Done]:
     Raises
     ------
     StudyError
-        If it fits no case; of those that it does not fit standard error says why.
+        If there is no such study, an option is not for it, or it fits no case; of those that it does not fit standard
+        error says why.
     """
-    run = find(name)
+    check_taken(options, name)
     if "cases" not in TAKEN[name]:
-        yield Done("", run(options, runner))
+        yield Done("", find(name)(options, runner))
         return
     refused: list[StudyError] = []
     cases = options.cases or defaults(name)
     for case in cases:
         try:
-            yield Done(case.name, run(replace(options, cases=(case,)), runner))
+            yield Done(case.name, find(name)(replace(options, cases=(case,)), runner))
         except StudyError as error:
             refused.append(error)
             print(f"anctmm: {case.name} is left out: {error}", file=sys.stderr)
@@ -101,16 +102,17 @@ def write_report(
 
 def join(results: Sequence[Result]) -> Result:
     """Results of one study on several cases as one; tables for that study alone are left out."""
-    found: dict[str, list[Table]] = {}
-    for table in (t for r in results for t in r.tables if t.place != "study"):
-        found.setdefault(table.name, []).append(table)
-    tables = []
-    for same in found.values():
-        frames = [table.frame for table in same if len(table.frame)] or [same[0].frame]
-        notes = tuple(dict.fromkeys(note for table in same for note in table.notes))
-        tables.append(replace(same[0], frame=pd.concat(frames, ignore_index=True), notes=notes))
     every = {
         name: tuple(dict.fromkeys(x for r in results for x in getattr(r, name)))
         for name in ("findings", "assumptions", "pictures", "answers")
     }
-    return replace(results[0], tables=tuple(tables), **every)  # type: ignore[arg-type]
+    tables = [table for r in results for table in r.tables if table.place != "study"]
+    names = dict.fromkeys(table.name for table in tables)
+    joined = tuple(_joined([table for table in tables if table.name == name]) for name in names)
+    return replace(results[0], tables=joined, **every)  # type: ignore[arg-type]
+
+
+def _joined(same: Sequence[Table]) -> Table:
+    frames = [table.frame for table in same if len(table.frame)] or [same[0].frame]
+    notes = tuple(dict.fromkeys(note for table in same for note in table.notes))
+    return replace(same[0], frame=pd.concat(frames, ignore_index=True), notes=notes)

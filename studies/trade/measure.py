@@ -26,11 +26,10 @@ FINER = 4
 NEWTON = 1e-10
 #: Places in the list of common settings at which solvers are compared like with like.
 LIKE = (0.0, 0.5, 1.0)
-#: Kinds of outcome, by the code of a status.
-OUTCOMES = {
-    "unsupported": "not representable", "refused": "setting refused", "failed": "solver failed",
-    "diverged": "solver failed", "inaccurate": "solver failed", "imprecise": "solver failed",
-}  # fmt: skip
+#: Kinds of outcome, by the code of a status; any other is a failure of the solver.
+OUTCOMES = {"unsupported": "not representable", "refused": "setting refused", "": "takes too long"}
+#: Columns that are the same in runs that differ by the bounds of their iteration only.
+ALIKE = ["solver", "asked", "quadrature", "integrator", "elements", "dt", "tolerance"]
 #: A run by a fine step, and the uncertainty of that step.
 Fine = tuple[Solution, float] | None
 
@@ -51,14 +50,11 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
     fine: dict[tuple[Any, ...], Fine] = {}
     for place, batch in settings.groupby("round"):
         mesh, step = cast(tuple[int, int], place)
-        seconds = [rates.get(_family(trial), 0.0) * trial.work for trial in batch["trial"]]
-        work = [trial.work <= MOST_WORK[runner.quick] for trial in batch["trial"]]
-        batch = batch[[s <= MOST_S[runner.quick] and w for s, w in zip(seconds, work, strict=True)]]
+        batch = batch[[_affordable(trial, rates, runner.quick) for trial in batch["trial"]]]
         runner.heading = f"{levels.case.name}, mesh {mesh + 1}, step {step + 1}: "
         for setting, solution in zip(records(batch), runner.solve_many(batch["trial"]), strict=True):
-            trial = setting["trial"]
-            seconds_of_call = nansum([solution.cost.cpu_s, solution.cost.build_s])
-            rates[_family(trial)] = seconds_of_call / trial.work if solution.cost.steps else nan
+            trial, cost = setting["trial"], solution.cost
+            rates[_family(trial)] = nansum([cost.cpu_s, cost.build_s]) / trial.work if cost.steps else nan
             own = _place(trial)
             if solution.status.ok and own not in fine:
                 fine[own] = _fine(levels, trial, runner)
@@ -68,8 +64,13 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
             f"each setting of case {levels.case.name!r} takes more than {MOST_WORK[runner.quick]:g} elements times "
             f"steps; a shorter motion, larger --error or --solvers and --integrator that take longer steps are needed"
         )
-    frame = pd.DataFrame(rows)
-    return _bounded(frame), _outcomes(levels, settings, frame)
+    frame = _bounded(pd.DataFrame(rows))
+    return frame, _outcomes(levels, settings, frame)
+
+
+def _affordable(trial: Trial, rates: dict[tuple[str, ...], float], quick: bool) -> bool:
+    """Whether a run is short enough, by the time of runs before; NaN where one before was refused."""
+    return rates.get(_family(trial), 0.0) * trial.work <= MOST_S[quick] and trial.work <= MOST_WORK[quick]
 
 
 def _family(trial: Trial) -> tuple[str, ...]:
@@ -89,10 +90,8 @@ def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
     owner = _place(trial)[0]
     heading, runner.heading = runner.heading, f"{case.name}, error of the step: "
     tries = [(Setup.solver, "esdirk", shortest)] if not owner else []
-    tries += [
-        (owner or Setup.solver, "generalized-alpha", shortest / FINER),
-        (owner or Setup.solver, EXPLICIT, nan),
-    ]
+    tries.append((owner or Setup.solver, "generalized-alpha", shortest / FINER))
+    tries.append((owner or Setup.solver, EXPLICIT, nan))
     found = None
     for solver, integrator, dt in tries:
         tight = () if integrator == EXPLICIT else _tight(solver)
@@ -135,21 +134,9 @@ def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine
 
 def _bounded(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with robust errors of the step, and the bound of the error: the sum of its parts and of the reference's."""
-    alike = ["solver", "asked", "quadrature", "integrator", "elements", "dt", "tolerance"]
-    settings = list(rows[alike].astype(str).itertuples(index=False, name=None))
-    rows["step_error"] = robust(rows["step_error"].astype(float), settings, rows["tightest"].to_list())
-    rows["error_bound"] = rows["mesh_error"] + rows["step_error"] + rows["reference_error"]
-    rows["error_from"] = [_weigh(m, s) for m, s in zip(rows["mesh_error"], rows["step_error"], strict=True)]
-    return rows
-
-
-def _weigh(mesh: float, step: float) -> str:
-    """The larger part of an error: "mesh", "step", or "both" where neither is twice the other; "-" if unknown."""
-    if not (mesh >= 0.0 and step >= 0.0):
-        return "-"
-    if mesh > 2.0 * step:
-        return "mesh"
-    return "step" if step > 2.0 * mesh else "both"
+    settings = list(rows[ALIKE].astype(str).itertuples(index=False, name=None))
+    step = robust(rows["step_error"].astype(float), settings, rows["tightest"].to_list())
+    return rows.assign(step_error=step, error_bound=rows["mesh_error"] + step + rows["reference_error"])
 
 
 def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
@@ -162,7 +149,7 @@ def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.
         lines.append({
             "scene": levels.case.name, "solver": kind[0], "element": kind[1], "stepping": kind[2],
             "runs": len(status), "answers": good,
-            "outcome": "answer" if good else OUTCOMES.get(code, "takes too long"), "why": "" if good else why,
+            "outcome": "answer" if good else OUTCOMES.get(code, "solver failed"), "why": "" if good else why,
         })  # fmt: skip
     return pd.DataFrame(lines)
 
@@ -177,9 +164,8 @@ def time_near(
     costs = runner.time_in_turn(list(rows.loc[chosen, "trial"])) if chosen else []
     samples: list[dict[str, Any]] = []
     for k, found in zip(chosen, costs, strict=True):
-        timing = least(found)
-        for name in ("cpu_s", "cpu_spread", "build_s", "repeats"):
-            rows.loc[k, name] = getattr(timing, name)
+        for name, value in vars(least(found)).items():
+            rows.loc[k, name] = value
         samples += [{"row": k, "cpu_s": cost.cpu_s, "build_s": cost.build_s} for cost in found]
     rows["whole_s"] = rows["cpu_s"] + rows["build_s"].fillna(0.0)
     rows["excess"] = excess(rows[rows["in_turn"]]).reindex(rows.index)
@@ -195,7 +181,6 @@ def like_with_like(rows: pd.DataFrame) -> list[int]:
     shared = plain[plain.groupby(same)["solver"].transform("nunique") > 1]
     for _, own in shared.groupby(["element", "integrator"], sort=False):
         settings = own.drop_duplicates(same)[same]
-        for part in LIKE:
-            chosen = settings.iloc[[round(part * (len(settings) - 1))]]
-            found += own.reset_index().merge(chosen, on=same)["index"].tolist()
-    return list(dict.fromkeys(found))
+        chosen = settings.iloc[sorted({round(part * (len(settings) - 1)) for part in LIKE})]
+        found += own.reset_index().merge(chosen, on=same)["index"].tolist()
+    return found

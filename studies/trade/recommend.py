@@ -3,16 +3,15 @@
 from ast import literal_eval
 from collections.abc import Mapping
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from io import StringIO
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from rich.console import Console
-from rich.markup import escape
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
@@ -23,7 +22,7 @@ from studies.engine.files import file_name
 from studies.engine.fronts import reaching
 from studies.engine.identity import identity
 from studies.engine.study import Options, Result
-from studies.engine.tables import milliseconds, rich_table, say, show_table
+from studies.engine.tables import milliseconds, say, show_frame
 from studies.engine.timing import least
 from studies.engine.trials import NO_BEAMS, Trial, mesh_label
 from studies.trade.settings import same_continuum
@@ -36,8 +35,8 @@ REPEATS = 3
 #: Factor by which a rerun without a target may differ from the table's error: it is the same computation.
 SAME = 1.01
 #: Columns of the points, the histories and the references.
-NEEDED = (
-    (
+NEEDED = {
+    "points": (
         "scene",
         *SETTING,
         "error",
@@ -46,11 +45,10 @@ NEEDED = (
         "reference_error",
         "error_bound",
         "cpu_s",
-        "status",
     ),
-    ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
-    ("scene", "element", "from_cable", "case"),
-)
+    "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
+    "references": ("scene", "element", "from_cable", "case"),
+}
 
 
 class RecommendError(AnctmmError, ValueError):
@@ -66,6 +64,11 @@ class Measured:
     references: pd.DataFrame
     origin: str
 
+    def is_of(self, case: Case) -> bool:
+        """Whether it was measured with this scene, these probes and these times."""
+        known = self.references[self.references["scene"] == case.name]
+        return identity(case) in set(known["case"])
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -73,8 +76,12 @@ class Choice:
 
     line: Mapping[Any, Any]  # row of the points
     runners_up: pd.DataFrame  # the cheapest of other kinds, with their cost over the chosen one's, "ratio"
-    reached: bool
     remarks: tuple[str, ...] = ()  # why the target error is not met
+
+    @property
+    def reached(self) -> bool:
+        """Whether it meets what was asked for."""
+        return not self.remarks
 
 
 @dataclass(frozen=True)
@@ -85,9 +92,7 @@ class Rerun:
     cpu_s: float
     status: str
     met: bool
-
-
-# --- the trade -----------------------------------------------------------------------------------------------
+    goal: str
 
 
 def find(case: Case) -> Measured | None:
@@ -101,12 +106,9 @@ def find(case: Case) -> Measured | None:
     own = Path("results") / file_name(case.name) / "trade"
     for folder in (own, Path("results/trade"), Path("reports/trade"), KEPT):
         measured = read(folder) if (folder / "front.csv").is_file() else None
-        if measured is None or case.name not in set(measured.points["scene"]):
-            continue
-        if folder != KEPT:
+        known = measured is not None and case.name in set(measured.points["scene"])
+        if known and (folder != KEPT or measured.is_of(case)):
             return measured
-        if _is_of(measured, case):
-            return replace(measured, origin="the table that ships with anctmm")
     return None
 
 
@@ -118,10 +120,11 @@ def read(folder: Path) -> Measured:
     RecommendError
         If a table is missing, cannot be read, or is another one.
     """
-    frames: list[Any] = []
-    points = "points" if (folder / "points.csv").is_file() else "front"
-    for name, needed in zip((points, "histories", "references"), NEEDED, strict=True):
+    frames = []
+    for name, needed in NEEDED.items():
         path = folder / f"{name}.csv"
+        if name == "points" and not path.is_file():
+            path = folder / "front.csv"
         try:
             frame = pd.read_csv(path, dtype={"elements": str, "own": str})
         except (OSError, ValueError, OverflowError) as error:
@@ -133,8 +136,7 @@ def read(folder: Path) -> Measured:
                 f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
             )
         frames.append(frame)
-    points, histories, references = frames
-    return Measured(points, histories, references, str(folder))
+    return Measured(*frames, "the table that ships with anctmm" if folder == KEPT else str(folder))
 
 
 def of_result(result: Result) -> Measured:
@@ -147,15 +149,7 @@ def of_result(result: Result) -> Measured:
     """
     if not result.good:
         raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    points, histories, references = (
-        result.table(name).frame for name in ("points", "histories", "references")
-    )
-    return Measured(points, histories, references, "measured now")
-
-
-def _is_of(measured: Measured, case: Case) -> bool:
-    known = measured.references[measured.references["scene"] == case.name]
-    return identity(case) in set(known["case"])
+    return Measured(*(result.table(name).frame for name in NEEDED), "measured now")
 
 
 def check_case(measured: Measured, case: Case) -> None:
@@ -165,14 +159,11 @@ def check_case(measured: Measured, case: Case) -> None:
     ------
     RecommendError
     """
-    if not _is_of(measured, case):
+    if not measured.is_of(case):
         raise RecommendError(
             f"{measured.origin} was measured before scene {case.name!r}, its probes or its times were changed; "
             f"`anctmm study trade` measures it anew"
         )
-
-
-# --- the choice ----------------------------------------------------------------------------------------------
 
 
 def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame:
@@ -197,25 +188,12 @@ def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame
         "--dt": ("dt", options.steps and [f"{dt:.3g}" for dt in options.steps]),  # as they are shown
     }
     for typed, (column, values) in wanted.items():
-        if not values:
-            continue
         shown = mine[column].map("{:.3g}".format) if column == "dt" else mine[column]
-        if not shown.isin(values).any():
-            allowed = ", ".join(shown[mine[column].notna()].unique())
+        if values and not shown.isin(values).any():
+            allowed = ", ".join(map(str, shown.unique()))
             raise RecommendError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
-        mine = mine[shown.isin(values)]
+        mine = mine[shown.isin(values)] if values else mine
     return mine
-
-
-def models_apart(measured: Measured, scene: str, error: float | None) -> str:
-    """A note where the target error is smaller than the difference of the models; empty where it is not."""
-    known = measured.references[measured.references["scene"] == scene]["from_cable"].max()
-    if error is None or not known > error:
-        return ""
-    return (
-        f"cable and shear elements are two models, {known:.2g} apart on this scene: an error of {error:g} is that of "
-        "computing the model named, and --element chooses it"
-    )
 
 
 def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) -> Choice:
@@ -228,36 +206,29 @@ def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) ->
     """
     if error is None and budget_s is None:
         raise RecommendError("--error and --budget are both missing; at least one of them is needed")
+    budget = inf if budget_s is None else budget_s
     mine = points.sort_values("cpu_s", kind="stable")
-    affordable = mine[mine["cpu_s"] <= (np.inf if budget_s is None else budget_s)]
+    affordable = mine[mine["cpu_s"] <= budget]
     able = affordable if error is None else reaching(affordable, error)
-    remarks: tuple[str, ...] = ()
-    by_bound = affordable.sort_values(["error_bound", "cpu_s"])
     if affordable.empty:
         remark = f"no measured setting is that cheap: the cheapest one takes {mine['cpu_s'].iloc[0]:.2g} s"
-        chosen, others, remarks = mine.iloc[0], mine, (remark,)
-    elif error is None:
-        chosen, others = by_bound.iloc[0], affordable
-    elif len(able):
-        chosen, others = able.iloc[0], able
-    else:
-        chosen, others, remarks = by_bound.iloc[0], able, _why_not(mine, error, budget_s)
-    return Choice(chosen.to_dict(), _others(others, chosen), not remarks, remarks)
+        return Choice(mine.iloc[0].to_dict(), _others(mine, mine.iloc[0]), (remark,))
+    if error is not None and len(able):
+        return Choice(able.iloc[0].to_dict(), _others(able, able.iloc[0]))
+    chosen = affordable.sort_values(["error_bound", "cpu_s"]).iloc[0]
+    remarks = () if error is None else _why_not(mine, error, budget)
+    return Choice(chosen.to_dict(), _others(able, chosen), remarks)
 
 
-def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[str, ...]:
-    able = reaching(mine, error)
-    if budget_s is not None and len(able):
-        needs = able["cpu_s"].iloc[0]
-        return (f"an error of {error:g} takes {needs:.2g} s; this is the best within {budget_s:g} s",)
-    smallest, floor = mine["error_bound"].min(), mine["reference_error"].min()
+def _why_not(mine: pd.DataFrame, error: float, budget: float) -> tuple[str, ...]:
+    able, smallest, floor = reaching(mine, error), mine["error_bound"].min(), mine["reference_error"].min()
+    if len(able):
+        return (
+            f"an error of {error:g} takes {able['cpu_s'].iloc[0]:.2g} s; this is the best within {budget:g} s",
+        )
     reason = f"the measured range does not reach {error:g}: its smallest error bound is {smallest:.2g}"
-    if error > floor:
-        return (reason,)
-    return (
-        reason,
-        f"{error:g} is below the uncertainty of the reference, {floor:.1g}: no run can guarantee it",
-    )
+    below = f"{error:g} is below the uncertainty of the reference, {floor:.1g}: no run can guarantee it"
+    return (reason, below) if error <= floor else (reason,)
 
 
 def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
@@ -265,9 +236,6 @@ def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
     rows = rows.drop(index=chosen.name, errors="ignore")
     rows = rows.assign(stepping=stepping(rows), ratio=rows["cpu_s"] / chosen["cpu_s"]).sort_values("ratio")
     return rows.drop_duplicates(["solver", "element", "stepping"]).head(5)
-
-
-# --- running it ----------------------------------------------------------------------------------------------
 
 
 def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
@@ -302,25 +270,20 @@ def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
 
 def _arguments(run: Discretisation) -> str:
     """Fields of a discretisation as Python writes them, without those that have their defaults."""
-    plain = Discretisation()
-    names = ["mesh", "element", "quadrature", "integrator", "t_end", "output_dt", "newton_tolerance"]
-    names.append("dt" if run.tolerance is None else "tolerance")
-    given = {
-        n: getattr(run, n) for n in names if n in ("element", "dt") or getattr(run, n) != getattr(plain, n)
-    }
-    return ", ".join(f"{n}={dict(v) if isinstance(v, dict) else v!r}" for n, v in given.items())
+    given = {f.name: getattr(run, f.name) for f in fields(run) if f.init}
+    plain = {f.name: f.default for f in fields(run)}
+    names = [name for name, value in given.items() if value != plain[name]]
+    return ", ".join(f"{n}={dict(given[n]) if isinstance(given[n], dict) else given[n]!r}" for n in names)
 
 
-def rerun(
-    line: Mapping[Any, Any], case: Case, given: str, measured: Measured, target: float | None, reached: bool
-) -> Rerun:
-    """Run the script of a row, and compare the solution with the histories of the reference.
+def rerun(choice: Choice, case: Case, given: str, measured: Measured, target: float | None) -> Rerun:
+    """Run the script of a choice, and compare the solution with the histories of the reference.
 
-    With a target error that the row meets, the rerun meets it, too, if its error and the uncertainty of the reference
-    do; else its error must be the table's.
+    With a target error that the choice meets, the rerun meets it, too, if its error and the uncertainty of the
+    reference do; else its error must be the table's.
     """
+    line, found = choice.line, list[Solution]()
     code = compile(script(line, case, given), "<script>", "exec")
-    found = list[Solution]()
     with redirect_stdout(StringIO()):
         for _ in range(REPEATS):
             names: dict[str, Any] = {}
@@ -329,11 +292,12 @@ def rerun(
     known = measured.histories[measured.histories["scene"] == case.name]
     element = same_continuum(str(line["asked"]), list(dict.fromkeys(known["element"])))
     error = worst(_error_at(found[-1], probe, known[known["element"] == element]) for probe in case.probes)
-    sure = float(line["reference_error"])
-    aim = target if target is not None and reached else SAME * float(line["error"]) + 2.0 * sure
-    status = found[-1].status
+    sure, status = float(line["reference_error"]), found[-1].status
+    aim, goal = SAME * float(line["error"]) + 2.0 * sure, f"the table's {line['error']:.2g}"
+    if target is not None and choice.reached:
+        aim, goal = target, f"the target error {target:g}"
     met = status.ok and isfinite(error) and error + sure <= aim
-    return Rerun(error, least([s.cost for s in found]).cpu_s, str(status), bool(met))
+    return Rerun(error, least([s.cost for s in found]).cpu_s, str(status), bool(met), goal)
 
 
 def _error_at(solution: Solution, probe: Any, known: pd.DataFrame) -> float:
@@ -348,34 +312,22 @@ def _error_at(solution: Solution, probe: Any, known: pd.DataFrame) -> float:
     return history_error(u, mine[["u_x", "u_y"]].to_numpy(), rounding_at(solution, probe))
 
 
-# --- on the terminal -----------------------------------------------------------------------------------------
-
-
-def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
-    """Print the setting, its cost and error, a warning if there is one, and the runners-up."""
-    line = choice.line
+def show(choice: Choice, origin: str, console: Console) -> None:
+    """Print the setting, its cost and error, and the runners-up."""
+    line, others = choice.line, choice.runners_up
     for remark in choice.remarks:
         say(console, f"Not reached: {remark}.", "yellow")
     say(console, f"{'Recommended' if choice.reached else 'Nearest'}: {setting_of(line)}", "bold")
     cost, bound = milliseconds(line["cpu_s"]), f"{line['error_bound']:.2g} ({parts_text(line)})"
     say(console, f"expected {cost} of CPU time; error bound {bound}; from {origin}")
-    if warning:
-        say(console, f"Note: {warning}.", "dim")
-    if len(choice.runners_up):
-        columns = {"setting": False, "CPU time": True, "ratio": True, "error bound": True}
-        shown = rich_table("Runners-up, the cheapest of each kind", columns)
-        for other in choice.runners_up.to_dict("records"):
-            numbers = f"{other['ratio']:.3g}", f"{other['error_bound']:.2g}"
-            shown.add_row(escape(setting_of(other)), milliseconds(other["cpu_s"]), *numbers)
-        show_table(console, shown)
+    if len(others):
+        others = others.assign(setting=others.apply(setting_of, axis="columns"))
+        title = "Runners-up, the cheapest of each kind"
+        show_frame(console, title, others[["setting", "cpu_s", "ratio", "error_bound"]])
 
 
-def show_rerun(again: Rerun, choice: Choice, target: float | None, console: Console) -> None:
+def show_rerun(again: Rerun, console: Console) -> None:
     """Print the result of the script."""
-    meant = target is not None and choice.reached
-    goal = f"the target error {target:g}" if meant else f"the table's {choice.line['error']:.2g}"
-    said = (
-        f"Rerun of this script: {again.status}, error {again.error:.3g} {'meets' if again.met else 'MISSES'} {goal}; "
-        f"{milliseconds(again.cpu_s)} of CPU time."
-    )
-    say(console, said, "green" if again.met else "red")
+    verdict = "meets" if again.met else "MISSES"
+    said = f"Rerun of this script: {again.status}, error {again.error:.3g} {verdict} {again.goal}; "
+    say(console, f"{said}{milliseconds(again.cpu_s)} of CPU time.", "green" if again.met else "red")

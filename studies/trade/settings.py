@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import isinf, nan
 
 import pandas as pd
@@ -12,7 +13,7 @@ from anctmm.model.needs import features_of
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.cases import place_name
-from studies.engine.meshes import explicit_limit, halfway, step_below
+from studies.engine.meshes import explicit_limit, step_below
 from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup, offer_of, rests
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError
@@ -25,7 +26,7 @@ SMALLEST = {False: 1e-5, True: 1e-3}
 SHARE = 0.3
 #: Levels of mesh and of step of a quick run beside the finest, every second one; steps at most; doublings of the mesh
 #: in addition for a solver whose own element is of lower order.
-FEWEST, MOST_STEPS, MORE_MESHES = 2, 5, 2
+FEWEST, MOST_STEPS, MORE_MESHES = 2, 8, 2
 #: Tolerances of the error-controlled steps; of a quick run.
 TOLERANCES = {False: (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), True: (1e-2, 1e-3, 1e-4)}
 
@@ -70,11 +71,9 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
     meshes = {e: options.meshes or _meshes(run, options.quick) for e, run in found.items()}
     if "cable" in meshes and not options.quick and case.scene.beams:  # of high order: coarser meshes suffice
         meshes["quintic"] = options.meshes or meshes["cable"][: (len(meshes["cable"]) + 1) // 2]
-    first = next(iter(found.values()))
-    return Levels(
-        case, {e: those for e, those in meshes.items() if options.element in (None, e)},
-        options.steps or _steps(first, options.quick), found, targets,
-    )  # fmt: skip
+    steps = options.steps or _steps(next(iter(found.values())), options.quick)
+    asked = {e: those for e, those in meshes.items() if options.element in (None, e)}
+    return Levels(case, asked, steps, found, targets)
 
 
 def _models(case: Case, options: Options) -> tuple[str, ...]:
@@ -94,27 +93,17 @@ def _check_moves(case: Case, found: Sequence[Refined]) -> None:
 
 
 def _meshes(run: Refined, quick: bool) -> tuple[Mesh, ...]:
-    """Meshes of the levels up to that of a reference, and those halfway between them."""
+    """Meshes of the levels up to that of a reference."""
     if not run.known:
         return (run.levels.mesh_at(0),)
     levels = [run.levels.mesh_at(i) for i in range(run.i + 1)]
-    if quick:
-        return tuple(levels[::-2][FEWEST::-1])
-    between = [halfway(run.levels.case, mesh) for mesh in levels[:-1]] if run.levels.chooses_mesh else []
-    return tuple(sorted({*levels, *filter(None, between)}, key=sum))
+    return tuple(levels[::-2][FEWEST::-1] if quick else levels)
 
 
 def _steps(run: Refined, quick: bool) -> tuple[float, ...]:
-    """Steps of the levels down to that of a reference, and those of two thirds, as whole parts of the output."""
+    """Steps of the levels down to that of a reference."""
     levels = [run.levels.dt_at(run.i, j) for j in range(run.j + 1)]
-    if quick:
-        return tuple(levels[::-2][FEWEST::-1])
-    counts = [round(run.levels.case.interval / dt) for dt in levels[-MOST_STEPS:]]
-    counts += [3 * n // 2 for n in counts if n % 2 == 0]
-    return tuple(run.levels.case.interval / n for n in sorted(counts))
-
-
-# --- the grid ------------------------------------------------------------------------------------------------
+    return tuple(levels[::-2][FEWEST::-1] if quick else levels[-MOST_STEPS:])
 
 
 def grid(levels: Levels, options: Options) -> pd.DataFrame:
@@ -128,15 +117,10 @@ def grid(levels: Levels, options: Options) -> pd.DataFrame:
     StudyError
         If no solver offers the requested element and integrator.
     """
-    late = {solver for solver, _ in not_timed(levels.case, options)}
+    late = dict(not_timed(levels.case, options))
     solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
-    rows = [
-        row
-        for element in levels.meshes
-        for solver in solvers
-        for family, tightest in _families(solver, element, levels.case, options)
-        for row in _settings(levels, family, tightest, options.quick)
-    ]
+    every = product(levels.meshes, solvers)
+    rows = [row for element, solver in every for row in _settings(levels, solver, element, options)]
     if not rows:
         asked = " ".join(filter(None, (options.element, options.integrator)))
         raise StudyError(
@@ -154,21 +138,30 @@ def not_timed(case: Case, options: Options) -> Iterator[tuple[str, str]]:
             yield solver, f"{solver} is not timed: {why}; --solvers {solver} times it all the same."
 
 
-def _families(solver: str, element: str, case: Case, options: Options) -> Iterator[tuple[Trial, bool]]:
-    """A trial without mesh and step for each way to step, and whether its bounds are the tightest."""
-    offer = offer_of(solver)
+def _settings(
+    levels: Levels, solver: str, element: str, options: Options
+) -> Iterator[tuple[Trial, bool, tuple[str, str, str], tuple[int, int]]]:
+    """Rows of a solver and an element: each way to step, on each mesh, by each step."""
+    offer, quick = offer_of(solver), options.quick
     if (offer.element and element not in offer.limits) or offer.lacking({element}):
         return
     own = KINDS.get(offer.element_of(element))
-    rules = own.quadratures if own and own.quadratures and case.scene.beams else QUADRATURES[:1]
-    for quadrature in rules[-1:] if options.quick else rules:
-        for integrator in offer.integrators:
-            if options.integrator in (None, integrator):
-                plain = Trial.of(
-                    case, solver, (), element=element, quadrature=quadrature, integrator=integrator
-                )
-                for given, tightest in _choices(solver, integrator, options.quick):
-                    yield replace(plain, options=given), tightest
+    rules = own.quadratures if own and own.quadratures and levels.case.scene.beams else QUADRATURES[:1]
+    integrators = [i for i in offer.integrators if options.integrator in (None, i)]
+    for quadrature, integrator in product(rules[-1:] if quick else rules, integrators):
+        for given, tightest in _choices(solver, integrator, quick):
+            setting = {
+                "element": element,
+                "quadrature": quadrature,
+                "integrator": integrator,
+                "options": given,
+            }
+            family = Trial.of(levels.case, solver, (), **setting)
+            stepping = integrator + (", error-controlled" if family.error_controlled else "")
+            for k, mesh in enumerate(_meshes_of(levels, family, quick)):
+                on_mesh = replace(family, mesh=mesh)
+                for j, dt in enumerate((nan,) if family.error_controlled else steps_of(levels, on_mesh)):
+                    yield replace(on_mesh, dt=dt), tightest, (solver, element, stepping), (k, j)
 
 
 def _choices(solver: str, integrator: str, quick: bool) -> Iterator[tuple[Given, bool]]:
@@ -184,16 +177,6 @@ def _choices(solver: str, integrator: str, quick: bool) -> Iterator[tuple[Given,
 def choices_of(solver: str) -> list[Given]:
     """Options of each choice of a solver's implicit runs, the one with the tightest bounds first."""
     return [tuple(choice.items()) for choice in offer_of(solver).choices]
-
-
-def _settings(levels: Levels, family: Trial, tightest: bool, quick: bool) -> Iterator[tuple[object, ...]]:
-    stepping = family.integrator + (", error-controlled" if family.error_controlled else "")
-    kind = family.solver, family.element, stepping
-    for k, mesh in enumerate(_meshes_of(levels, family, quick)):
-        on_mesh = replace(family, mesh=mesh)
-        steps = (nan,) if family.error_controlled else steps_of(levels, on_mesh)
-        for j, dt in enumerate(steps):
-            yield replace(on_mesh, dt=dt), tightest, kind, (k, j)
 
 
 def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:

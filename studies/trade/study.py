@@ -1,5 +1,6 @@
 """The trade of error for time of one case: every solver over meshes and steps, and the front."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -11,21 +12,12 @@ from studies.cases import assumptions_of
 from studies.engine.files import file_name
 from studies.engine.fronts import front
 from studies.engine.runner import Runner
-from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits, check_taken
+from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
 from studies.engine.tables import Table, error_text, milliseconds, records, times
 from studies.report.plots import floor, log_axes, picture, solver_colour, solver_marker
+from studies.trade import tables as made
 from studies.trade.measure import like_with_like, solve_all, time_near
 from studies.trade.settings import grid, levels_of, not_timed
-from studies.trade.tables import (
-    at_equal_error,
-    front_table,
-    histories,
-    parts_text,
-    points_table,
-    recommended,
-    references,
-    same_setting,
-)
 
 #: The target error that sentences speak of, or else the smallest.
 TARGET = 1e-3
@@ -33,7 +25,7 @@ QUESTION = "Solver, element, quadrature, integrator, mesh and step: what does an
 LEFT_OUT = "quintic and shear elements, all quadratures but one, and most meshes and steps."
 INDEPENDENCE = (
     "Independence: the global DAE shares the elements of ANC–TMM, so that their agreement checks elimination and time "
-    "stepping; Exudyn, OpenSees, PyElastica and exact solutions have elements of their own and check the forces.",
+    "stepping; Exudyn, OpenSees, PyElastica and exact solutions have elements of their own and check the forces."
 )
 
 
@@ -45,7 +37,6 @@ def run(options: Options, runner: Runner) -> Result:
     StudyError
         If the case is static, or nothing is run with the options.
     """
-    check_taken(options, "trade")
     case = options.case
     if case.static:
         raise StudyError(
@@ -56,74 +47,56 @@ def run(options: Options, runner: Runner) -> Result:
     levels = levels_of(case, options, runner)
     rows, kinds = solve_all(levels, grid(levels, options), runner)
     note = "outcome: of all runs of a solver, element and way to step."
-    outcome = Table("outcomes", "Outcomes by solver", kinds, (note,))
-    known = references(levels, runner)
+    common = Table("outcomes", "Outcomes by solver", kinds, (note,)), made.references(levels, runner)
     plain = Result(
-        "trade", "Accuracy and cost", QUESTION, _why_none(rows, kinds), (*assumptions_of(case), *INDEPENDENCE),
-        (outcome, known), good=False,
+        "trade", "Accuracy and cost", QUESTION, tuple(_why_none(rows, kinds)), (*assumptions_of(case), INDEPENDENCE),
+        common, good=False,
     )  # fmt: skip
     if not (rows["error_bound"] > 0.0).any():
         return plain
     like = like_with_like(rows)
     runner.heading = f"{case.name}, "
     rows, samples = time_near(rows, runner, like)
-    best, equal = recommended(rows, levels.targets), at_equal_error(rows, levels.targets)
-    late = tuple(why for _, why in not_timed(case, options))
+    best, equal = made.recommended(rows, levels.targets), made.at_equal_error(rows, levels.targets)
+    answer = _answer(best.frame, equal.frame)
+    late = (why for _, why in not_timed(case, options))
     return replace(
-        plain, good=True, findings=(*_findings(best.frame, equal.frame), *late),
+        plain, good=True, findings=(f"{answer.question} {answer.figure}: {answer.take}", *late),
         tables=(
-            best, equal, same_setting(rows, like), outcome, known, front_table(rows), points_table(rows),
-            histories(levels), Table("samples", "Raw time samples", samples, place="study"),
+            best, equal, made.same_setting(rows, like), *common, made.front_table(rows), made.points_table(rows),
+            made.histories(levels), Table("samples", "Raw time samples", samples, place="study"),
         ),
-        pictures=(_picture(case.name, rows),), answers=tuple(_answers(best.frame, equal.frame)),
+        pictures=(_picture(case.name, rows),), answers=(answer,),
         shown=("recommended", "at_equal_error"), left_out=LEFT_OUT if options.quick and not options.element else "",
     )  # fmt: skip
 
 
-def _why_none(rows: pd.DataFrame, kinds: pd.DataFrame) -> tuple[str, ...]:
+def _why_none(rows: pd.DataFrame, kinds: pd.DataFrame) -> Iterator[str]:
     """Sentences where no setting has an error."""
-    named = rows["reference"].iloc[0] if len(rows) else "no run was done"
-    why = [f"{r['solver']}, {r['element']}: {r['outcome']}: {r['why']}" for r in records(kinds) if r["why"]]
-    return f"No setting has an error; reference: {named}.", *why
+    yield f"No setting has an error; reference: {rows['reference'].iloc[0]}."
+    for r in records(kinds[kinds["why"] != ""]):
+        yield f"{r['solver']}, {r['element']}: {r['outcome']}: {r['why']}"
 
 
-def _answers(best: pd.DataFrame, equal: pd.DataFrame) -> list[Answer]:
-    line = records(best[best["target"] == _headline(best)])[0]
-    question = f"{line['scene']}: which setting for an error of {line['target']:g}?"
+def _answer(best: pd.DataFrame, equal: pd.DataFrame) -> Answer:
+    """The cheapest setting at one target, its cost, and how much longer other solvers take."""
+    target = TARGET if (best["target"] == TARGET).any() else best["target"].min()
+    line = records(best[best["target"] == target])[0]
+    question = f"{line['scene']}: which setting for an error of {target:g}?"
     if line["status"] != "ok":
-        return [Answer(question, f"error {line['error_bound']:.1g}", f"{line['status']}: {line['setting']}.")]
-    figure = f"{milliseconds(line['cpu_s'])} of steps, {milliseconds(line['whole_s'])} of the whole call"
-    take = f"{line['setting']} ({line['dofs']} coordinates, one thread): error bound {line['error_bound']:.1g}, of "
-    return [Answer(question, figure, f"{take}{parts_text(line)}. {_others(equal, line['target'])}".strip())]
-
-
-def _headline(best: pd.DataFrame) -> float:
-    return TARGET if (best["target"] == TARGET).any() else float(best["target"].min())
-
-
-def _others(equal: pd.DataFrame, target: float) -> str:
-    """Ratios of the other solvers at a target, in words."""
-    slower = equal[(equal["target"] == target) & (equal["ratio"] > 1.0)]
-    parts = [
+        return Answer(question, f"error {line['error_bound']:.1g}", f"{line['status']}: {line['setting']}.")
+    slower = [
         f"{r['solver']} {times(r['ratio'])} times by steps, {times(r['ratio_whole'])} by whole calls"
-        for r in records(slower)
+        for r in records(equal[(equal["target"] == target) & (equal["ratio"] > 1.0)])
     ]
-    return f"Other solvers at their best settings take longer: {'; '.join(parts)}." if parts else ""
-
-
-def _findings(best: pd.DataFrame, equal: pd.DataFrame) -> list[str]:
-    """Sentences from the tables."""
-    said = [
-        f"{r['scene']}, error {r['target']:g}: {r['setting']}: {milliseconds(r['cpu_s'])} of steps, "
-        f"{milliseconds(r['whole_s'])} of the whole call, error bound {r['error_bound']:.2g} ({parts_text(r)}), "
-        f"measured error {error_text(r)}."
-        if r["status"] == "ok"
-        else f"{r['scene']}, error {r['target']:g}: {r['status']} ({r['error_bound']:.1g})."
-        for r in records(best)
-    ]
-    target = _headline(best)
-    others = _others(equal, target)
-    return [*said, *([f"{best['scene'].iloc[0]}, error {target:g}: {others}"] if others else [])]
+    others = f" Other solvers at their best settings take longer: {'; '.join(slower)}." if slower else ""
+    bound = (
+        f"error bound {line['error_bound']:.2g} ({made.parts_text(line)}), measured error {error_text(line)}"
+    )
+    figure = f"{milliseconds(line['cpu_s'])} of steps, {milliseconds(line['whole_s'])} of the whole call"
+    return Answer(
+        question, figure, f"{line['setting']} ({line['dofs']} coordinates, one thread): {bound}.{others}"
+    )
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:

@@ -25,9 +25,11 @@ SETTING = [
     "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "own", "asked",
 ]  # fmt: skip
 FOUND = [
-    "error", "mesh_error", "step_error", "reference_error", "error_bound", "error_from", "cpu_s", "whole_s",
-    "cpu_spread", "build_s", "repeats", "steps", "newton_iterations", "dofs",
+    "error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s", "whole_s", "cpu_spread", "build_s",
+    "repeats", "steps", "newton_iterations", "dofs",
 ]  # fmt: skip
+#: Columns that are the same in runs that are compared like with like.
+SAME = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
 BOUND = (
     "error_bound: mesh_error + step_error + reference_error. A setting meets a target if this sum does, for every "
     "solver: errors of mesh and step that cancel in part are chance, which another motion changes. mesh_error: of a "
@@ -43,11 +45,17 @@ TIMES = (
 EQUAL = (
     "For each solver its cheapest setting that meets the target, by steps (cpu_s) and by the whole call (whole_s); "
     "ratio, ratio_whole: over the cheapest of all solvers. ratio_at_error: of the steps at exactly the target, "
-    "interpolated on each solver's own front; it does not depend on the errors that the meshes and steps happen to "
-    "have.",
-    "corrections_per_step: Newton's; ratio_per_correction: of the CPU time of a coordinate's correction: the rest "
-    "of the ratio is due to more steps, more corrections a step, or more elements. Solvers end their iteration by "
-    "criteria of their own (Exudyn ignores newton_tolerance), so that they do not take the same corrections.",
+    "interpolated on each solver's own front, whatever errors its meshes and steps happen to have.",
+    "corrections_per_step: Newton's; ratio_per_correction: of the CPU time of a coordinate's correction. Solvers end "
+    "their iteration by criteria of their own (Exudyn ignores newton_tolerance).",
+)
+SAME_NOTE = "Each by the tightest bounds of its iteration; ratios as at equal error, over the cheapest at that setting."
+REFERENCES = (
+    "uncertainty: of mesh and step, by Richardson's extrapolation over levels that are halved. check: another solver "
+    "at the same mesh and step; where it shares the elements it checks elimination and time stepping, and a solver "
+    "with elements of its own checks the forces, too.",
+    "from_cable: difference of the model to that of cables, which no mesh removes. case: identity of scene, probes and "
+    "times.",
 )
 RATIOS = ["ratio", "ratio_whole", "corrections_per_step", "ratio_per_correction"]
 
@@ -94,14 +102,15 @@ def recommended(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
 def at_equal_error(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
     """The cheapest setting of each solver for each target error, and how its time compares with the cheapest of all."""
     timed = rows[rows["in_turn"]]
-    frames = [_at(timed, target, list(dict.fromkeys(rows["solver"]))) for target in targets]
     columns = [
         "scene", "target", "solver", "setting", "error_bound", "dofs", "cpu_s", "whole_s", *RATIOS, "ratio_at_error",
         "status",
     ]  # fmt: skip
-    frames = [frame for frame in frames if len(frame)]
-    frame = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-    return Table("at_equal_error", "Solvers at equal error", frame.reindex(columns=columns), EQUAL)
+    frames = [_at(timed, target, list(dict.fromkeys(rows["solver"]))) for target in targets]
+    frames = [frame for frame in frames if len(frame)] or [pd.DataFrame(columns=columns)]
+    return Table(
+        "at_equal_error", "Solvers at equal error", pd.concat(frames, ignore_index=True)[columns], EQUAL
+    )
 
 
 def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> pd.DataFrame:
@@ -111,18 +120,16 @@ def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> pd.DataFr
         return met
     best = with_ratios(met.drop_duplicates("solver"))
     exact = {s: cost_at(timed[timed["solver"] == s], target) for s in solvers}
-    best = best.assign(
-        setting=[setting_of(line) for line in records(best)],
-        ratio_at_error=best["solver"].map(exact) / exact[best["solver"].iloc[0]],
-        status="ok",
-    )
-    missed = pd.DataFrame({"solver": [s for s in solvers if s not in set(best["solver"])], "setting": "-"})
+    best["setting"] = [setting_of(line) for line in records(best)]
+    best["ratio_at_error"] = best["solver"].map(exact) / exact[best["solver"].iloc[0]]
     least = timed.groupby("solver")["error_bound"].min()
-    bounds = [least.get(solver, nan) for solver in missed["solver"]]
-    missed["status"] = [
+    missed = [s for s in solvers if s not in set(best["solver"])]
+    bounds = [least.get(s, nan) for s in missed]
+    why = [
         f"not reached: {b:.1e} at best" if b > 0.0 else "not reached: no run with an error" for b in bounds
     ]
-    return pd.concat([best, missed]).assign(target=target, scene=timed["scene"].iloc[0])
+    others = pd.DataFrame({"solver": missed, "setting": "-", "status": why})
+    return pd.concat([best.assign(status="ok"), others]).assign(target=target, scene=timed["scene"].iloc[0])
 
 
 def with_ratios(rows: pd.DataFrame) -> pd.DataFrame:
@@ -139,17 +146,11 @@ def with_ratios(rows: pd.DataFrame) -> pd.DataFrame:
 
 def same_setting(rows: pd.DataFrame, chosen: Sequence[int]) -> Table:
     """Solvers at the same elements, mesh, step and integrator: ratios to the cheapest."""
-    same = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
-    columns = [*same, "solver", "dofs", "error", "cpu_s", "whole_s", *RATIOS]
-    frames = [with_ratios(own) for _, own in rows.loc[list(chosen)].groupby(same, sort=False)]
-    frame = pd.concat(frames) if frames else pd.DataFrame(columns=columns)
-    notes = (
-        "Each by the tightest bounds of its iteration. ratio: of the steps, over the cheapest at that setting; "
-        "ratio_whole: of whole calls; ratio_per_correction: of a Newton correction, which is the ratio without the "
-        "different numbers of corrections.",
-    )
-    shown = frame.sort_values([*same, "ratio"], kind="stable")[columns].reset_index(drop=True)
-    return Table("same_setting", "Solvers at the same elements, mesh and step", shown, notes)
+    columns = [*SAME, "solver", "dofs", "error", "cpu_s", "whole_s", *RATIOS]
+    frames = [with_ratios(own) for _, own in rows.loc[list(chosen)].groupby(SAME, sort=False)]
+    frame = pd.concat(frames or [pd.DataFrame(columns=columns)])
+    shown = frame.sort_values([*SAME, "ratio"], kind="stable")[columns].reset_index(drop=True)
+    return Table("same_setting", "Solvers at the same elements, mesh and step", shown, (SAME_NOTE,))
 
 
 def front_table(rows: pd.DataFrame) -> Table:
@@ -159,8 +160,7 @@ def front_table(rows: pd.DataFrame) -> Table:
     own = pd.concat([timed["excess"][:0], *(excess(mine) for _, mine in timed.groupby(kinds, sort=False))])
     chosen = timed[own.reindex(timed.index) == 1.0].sort_values(["solver", "cpu_s"])
     note = "excess: cost over that of the cheapest setting of no larger error bound: 1 on the front of all."
-    notes = (note, BOUND, TIMES)
-    return Table("front", "Pareto fronts of all solvers", _public(chosen), notes, "files")
+    return Table("front", "Pareto fronts of all solvers", _public(chosen), (note, BOUND, TIMES), "files")
 
 
 def points_table(rows: pd.DataFrame) -> Table:
@@ -186,14 +186,7 @@ def references(levels: Levels, runner: Runner) -> Table:
             "from_cable": cable.error_of(found.solution) if cable is not None else nan,
             "case": identity(levels.case), "status": "ok" if found.known else found.name,
         })  # fmt: skip
-    notes = (
-        "uncertainty: of mesh and step, by Richardson's extrapolation over levels that are halved. check: another "
-        "solver at the same mesh and step; where it shares the elements it checks elimination and time stepping, and a "
-        "solver with elements of its own checks the forces, too.",
-        "from_cable: difference of the model to that of cables, which no mesh removes. case: identity of scene, probes "
-        "and times.",
-    )
-    return Table("references", "References", pd.DataFrame(lines), notes)
+    return Table("references", "References", pd.DataFrame(lines), REFERENCES)
 
 
 def _checks(case: Case, element: str, found: Refined, runner: Runner) -> Iterator[tuple[str, float]]:
@@ -209,12 +202,12 @@ def _checks(case: Case, element: str, found: Refined, runner: Runner) -> Iterato
 
 def histories(levels: Levels) -> Table:
     """Displacements of the probes in the references: `anctmm recommend` compares its rerun with them."""
-    parts = [pd.DataFrame(columns=["scene", "element", "body", "fraction", "t", "u_x", "u_y"])]
+    columns = ["scene", "element", "body", "fraction", "t", "u_x", "u_y"]
+    parts = [pd.DataFrame(columns=columns)]
     for element, found in levels.references.items():
         for probe in levels.case.probes if found.known else ():
-            body, fraction = levels.case.scene.probe(probe)
-            u, t = found.solution.displacement(probe), found.solution.t
-            about = {"scene": levels.case.name, "element": element, "body": body, "fraction": fraction}
-            parts.append(pd.DataFrame({**about, "t": t, "u_x": u[:, 0], "u_y": u[:, 1]}))
+            about = levels.case.name, element, *levels.case.scene.probe(probe)
+            t, u = found.solution.t, found.solution.displacement(probe)
+            parts.append(pd.DataFrame(dict(zip(columns, (*about, t, *u.T), strict=True))))
     frame = pd.concat(parts[1:] or parts, ignore_index=True)
     return Table("histories", "Histories of the references", frame, ("m, over time, s.",), "files")

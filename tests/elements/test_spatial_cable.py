@@ -1,7 +1,5 @@
 """The cable in space: its forces, tangents and energy beside the readable element, and that beside complex steps."""
 
-from ctypes import CFUNCTYPE, POINTER, c_double, c_ssize_t
-
 import numpy as np
 import pytest
 
@@ -10,9 +8,9 @@ from anctmm.elements.compiled import address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.spatial_cable_kernel import constants
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.kernels.intrinsics import call, call_number
+from anctmm.kernels.options import kernel
 
-NUMBERS = POINTER(c_double)
-KERNEL = CFUNCTYPE(None, NUMBERS, NUMBERS, c_ssize_t, c_ssize_t, c_ssize_t, NUMBERS, c_double, NUMBERS)
 rng = np.random.default_rng(3)
 
 
@@ -26,10 +24,21 @@ def nodes(count):
 
 def called(what, q, e, size):
     """What a kernel gives of all elements of q."""
-    out, numbers = np.zeros(size), constants(e)
-    q_, numbers_, out_ = (x.ctypes.data_as(NUMBERS) for x in (q, numbers, out))
-    KERNEL(address("spatial_cable", what))(q_, q_, q.shape[1], 0, q.shape[1] - 1, numbers_, 0.0, out_)
+    out = np.zeros(size)
+    call_kernel(address("spatial_cable", what), q, q.shape[1] - 1, constants(e), out)
     return out
+
+
+@kernel
+def call_kernel(place, q, count, numbers, out):
+    """Call an element kernel at its address."""
+    call(place, q, 0, count, numbers, out)
+
+
+@kernel
+def call_energy(place, q, count, numbers):
+    """Call an energy at its address."""
+    return call_number(place, q, 0, count, numbers)
 
 
 def of_element(q, i):
@@ -50,7 +59,8 @@ def test_kernels_give_what_the_readable_element_gives(rule):
         lower = [K[k, m] for k in range(12) for m in range(k + 1)]
         assert np.abs(tangents.reshape(-1, TANGENT_BLOCK)[:78, i] - lower).max() < 1e-11 * np.abs(K).max()
         total += e.energy(x)
-    assert called("energy", q, e, 1)[0] == pytest.approx(total, rel=1e-12)
+    energy = call_energy(address("spatial_cable", "energy"), q, q.shape[1] - 1, constants(e))
+    assert energy == pytest.approx(total, rel=1e-12)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -2,14 +2,9 @@
 
 import argparse
 import sys
-from time import perf_counter
-
-import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from tests.golden.all_groups import GROUPS
-from tests.golden.answers import Row, compared, measured, read, selected, write
+from tests.golden.answers import compared, measured, read, selected, write
 
 
 def main() -> int:
@@ -25,40 +20,22 @@ def main() -> int:
     if not names:
         parser.error(f"--only {given.only!r} fits no group; groups are {', '.join(GROUPS)}")
     if given.update:
-        _update(names, whole=not given.only)
+        _update(names)
         return 0
     rows = [row for name in names for row in compared(name, read())]
-    Console().print(_table([row for row in rows if not (given.failed and row.good)]))
-    bad = sum(not row.good for row in rows)
-    print(f"{len(rows)} answers of {len(names)} groups, {bad} differ")
-    return int(bad > 0)
-
-
-def _update(names: list[str], whole: bool) -> None:
-    stored = {} if whole else read()
-    for name in names:
-        begin = perf_counter()
-        stored[name] = measured(name)
-        print(f"{name}: {len(stored[name])} answers, {perf_counter() - begin:.1f} s", flush=True)
-        write({**({} if whole else read()), **stored})
-
-
-def _table(rows: list[Row]) -> Table:
-    table = Table("answer", "value", "allowed", "difference", "")
-    for row in rows:
+    bad = [row for row in rows if not row.good]
+    for row in bad if given.failed else rows:
         found = "none" if row.difference is None else f"{row.difference:.2g}"
-        verdict = "" if row.good else "DIFFERS"
-        table.add_row(f"{row.group}: {row.name}", _short(row.value), f"{row.allowed:.2g}", found, verdict)
-    return table
+        print(f"{row.group}: {row.name}: {found} of {row.allowed:.2g} {'' if row.good else 'DIFFERS'}")
+    print(f"{len(rows)} answers of {len(names)} groups, {len(bad)} differ")
+    return int(bool(bad))
 
 
-def _short(value: object) -> str:
-    """A text; of many numbers the one that is largest."""
-    if isinstance(value, str):
-        return value
-    numbers = np.asarray(value, dtype=float).ravel()
-    largest = numbers[np.nanargmax(np.abs(numbers))] if np.isfinite(numbers).any() else np.nan
-    return f"{largest:.10g}" + (f" (of {numbers.size})" if numbers.size > 1 else "")
+def _update(names: list[str]) -> None:
+    """Store the answers of groups anew; those of groups that are no more go."""
+    for name in names:
+        write({key: row for key, row in read().items() if key in GROUPS} | {name: measured(name)})
+        print(name, flush=True)
 
 
 if __name__ == "__main__":

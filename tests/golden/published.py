@@ -1,35 +1,15 @@
 """Published and exact numbers: the answer here, and whether it is the published one to the digits given."""
 
-from cmath import exp
 from typing import Any
 
 import numpy as np
 
 import anctmm as at
+from reference.exact.andrews import PUBLISHED as SQUEEZED
+from reference.exact.andrews import andrews_squeezer, angles_of
 from tests.golden.answers import Answer, Answers, group
 from tests.golden.scenes import A
 from tests.golden.vary import Variation
-
-#: Angles of Andrews' squeezer at t = 0 and 0.03 s, rad (IVP test set, tolerance 1e-14), and what they are counted of.
-START = {
-    "beta": -0.0617138900142764496358948458001, "theta": 0.0, "gamma": 0.455279819163070380255912382449,
-    "phi": 0.222668390165885884674473185609, "delta": 0.487364979543842550225598953530,
-    "omega": -0.222668390165885884674473185609, "epsilon": 1.23054744454982119249735015568,
-}  # fmt: skip
-SQUEEZED = {
-    "beta": 15.81077119629904, "theta": -15.75637105984298, "gamma": 0.04082224013073101,
-    "phi": -0.5347301163226948, "delta": 0.5244099658805304, "omega": 0.5347301163226948,
-    "epsilon": 1.048080741042263,
-}  # fmt: skip
-COUNTED = {
-    "beta": "K1",
-    "theta": "K2-K1",
-    "gamma": "K3",
-    "phi": "K4-K5",
-    "delta": "K5",
-    "omega": "K6-K7",
-    "epsilon": "K7",
-}
 
 
 def digits(value: Any, published: Any, within: float, allowed: float | None = None) -> Answers:
@@ -131,55 +111,9 @@ def _spun(t: float) -> tuple[float, float, float]:
     return angle, 0.4 * (t - np.sin(w * t) / w), 0.4 * (1.0 - np.cos(w * t))
 
 
-def andrews() -> at.Scene:
-    """Andrews' squeezer at rest (Hairer & Wanner, Solving Ordinary Differential Equations II, VII.7)."""
-    D, DA, E, EA, RR, RA, SS, SA, SB, SC, SD = (
-        28e-3, 115e-4, 2e-2, 1421e-5, 7e-3, 92e-5, 35e-3, 1874e-5, 1043e-5, 18e-3, 2e-2)  # fmt: skip
-    TA, TB, U, UA, UB, ZF, ZT, FA = 2308e-5, 916e-5, 4e-2, 1228e-5, 449e-5, 2e-2, 4e-2, 1421e-5
-    masses = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)
-    inertias = (2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5)
-    origin, b, c = -0.06934 - 0.00227j, -0.03635 + 0.03273j, 0.014 + 0.072j
-    q = START
-    beta, gamma, delta, epsilon = (exp(1j * q[name]) for name in ("beta", "gamma", "delta", "epsilon"))
-    rod, four, six = (
-        exp(1j * (q[i] + q[k])) for i, k in (("beta", "theta"), ("phi", "delta"), ("omega", "epsilon"))
-    )
-    P = RR * beta
-    F, d, e, h = P - D * rod, b + (SD - 1j * SC) * gamma, origin + ZT * delta, origin - 1j * U * epsilon
-    centers = (
-        RA * beta, P - DA * rod, b + (SB - 1j * SA) * gamma, e - 1j * (E - EA) * four,
-        origin + (TA + 1j * TB) * delta, h + (ZF - FA) * six, origin + (UB - 1j * UA) * epsilon,
-    )  # fmt: skip
-    points = (
-        {"o": 0j, "p": P}, {"p": P, "f": F}, {"b": b, "d": d, "f": b - 1j * SS * gamma},
-        {"e": e, "f": e - 1j * E * four}, {"a": origin, "e": e}, {"h": h, "f": h + ZF * six},
-        {"a": origin, "h": h},
-    )  # fmt: skip
-    bodies = [
-        at.RigidBody(
-            f"K{k + 1}", masses[k], inertias[k], _xy(centers[k]), {n: _xy(z) for n, z in points[k].items()}
-        )
-        for k in range(7)
-    ]
-    joints = [
-        at.Pin("K1.o"), at.Pin("K3.b"), at.Pin("K5.a"), at.Pin("K7.a"), at.Pin("K1.p", "K2.p"),
-        at.Pin("K4.e", "K5.e"), at.Pin("K6.h", "K7.h"), at.Pin("K2.f", "K3.f", "K4.f", "K6.f"),
-    ]  # fmt: skip
-    spring = at.Spring("K3.d", _xy(c), stiffness=4530.0, length=0.07785)
-    return at.Scene("squeezer", bodies, joints, [at.Torque("K1.o", 0.033)], connectors=[spring])
-
-
-def _xy(z: complex) -> tuple[float, float]:
-    return z.real, z.imag
-
-
 @group(name="Andrews' squeezer")
 def squeezer(v: Variation) -> Answers:
     """Its seven angles at 0.03 s, by 600 steps of fourth order."""
-    s = v.solve(andrews(), integrator="esdirk", dt=5e-5, t_end=0.03, output_dt=4e-4)
-    turned = {f"K{k}": float(s.angle(f"K{k}.center")[-1]) for k in range(1, 8)}
-    found = []
-    for name, bodies in COUNTED.items():
-        body, _, base = bodies.partition("-")
-        found.append(START[name] + turned[body] - turned.get(base, 0.0))
-    return digits(found, list(SQUEEZED.values()), 2e-4)
+    s = v.solve(andrews_squeezer(), integrator="esdirk", dt=5e-5, t_end=0.03, output_dt=4e-4)
+    angles = angles_of({f"K{k}": s.angle(f"K{k}.center") for k in range(1, 8)})
+    return digits([angle[-1] for angle in angles.values()], list(SQUEEZED.values()), 2e-4)

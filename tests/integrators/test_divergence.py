@@ -18,9 +18,9 @@ from studies.scenes import cantilever_fall
 RUBBER = Material(1e6, 1000.0)
 
 
-def pushed(slope=4e5):
+def pushed():
     """A clamped bar whose end is pushed through itself."""
-    return bar([Clamp("bar.start")], [Force("bar.end", lambda t: (-slope * t, 0.0))], material=RUBBER)
+    return bar([Clamp("bar.start")], [Force("bar.end", lambda t: (-4e5 * t, 0.0))], material=RUBBER)
 
 
 def pulled():
@@ -33,63 +33,30 @@ def struck():
     return bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, 1e9 if t > 0.055 else 0.0))])
 
 
-def stops(elongation, rate, t):
-    """A jump, at which no implicit step finds a force."""
-    return 3e4 if elongation > 0.0 else -3e4
-
-
 def stopped():
-    """A clamped bar whose end is at a jump of a spring's law."""
+    """A clamped bar whose end is at a jump of a spring's law, at which no implicit step finds a force."""
+
+    def stops(elongation, rate, t):
+        return 3e4 if elongation > 0.0 else -3e4
+
     free = bar([Clamp("bar.start")])
     return replace(free, connectors=(at.Spring("bar.end", (0.6, -0.2), law=stops),))
 
 
 EXPLICIT = {"integrator": "zhai", "element": "shear", "dt": 1e-5, "output_dt": 1e-2}
+IMPLICIT = {"element": "shear", "dt": 1e-3, "output_dt": 1e-2}
 ABOVE = {**EXPLICIT, "dt": 1.25e-4, "output_dt": 2.5e-2}
 STEP = {"dt": 1e-2, "t_end": 0.1}
-OUT = ["turned inside out at t = 0.03 s", "finer mesh", "smaller dt"]
+FALL = {"mesh": 2, "dt": 1e-2, "output_dt": 0.05}
 #: What diverges: solver, scene, discretisation, and what its status must say.
 DIVERGED = {
-    "inverted, explicit": (at.solve, pushed, EXPLICIT, OUT),
-    "inverted, implicit": (
-        at.solve,
-        pushed,
-        {"element": "shear", "dt": 1e-3, "output_dt": 1e-2},
-        ["smaller dt"],
-    ),
-    "inverted, global": (global_dae.solve, pushed, EXPLICIT, OUT),
-    "limit falls": (
-        at.solve,
-        pulled,
-        ABOVE,
-        [
-            "diverged at t = 0.12",
-            "smaller dt than 0.000125 s",
-            "lowers the largest stable step, to 0.00",
-            "at the output before",
-        ],
-    ),
-    "limit falls, global": (global_dae.solve, pulled, ABOVE, ["not finite at t = 0.12", "smaller dt"]),
-    "gradients": (at.solve, struck, STEP, ["smaller dt"]),
-    "gradients, global": (global_dae.solve, struck, STEP, ["beyond 1000 by t = 0.06 s", "smaller dt"]),
-    "gradients, Exudyn": (
-        exudyn_cable.solve,
-        struck,
-        STEP,
-        ["gradients grew beyond 1000 by t = 0.06 s", "smaller dt"],
-    ),
-    "Newton": (
-        at.solve,
-        lambda: cantilever_fall().scene,
-        {"mesh": 2, "dt": 1e-2, "output_dt": 0.05},
-        ["Newton's iteration failed", "corrections", "smaller dt than 0.01 s"],
-    ),
-    "Newton, global": (
-        global_dae.solve,
-        stopped,
-        {"dt": 1e-4, "output_dt": 1e-4},
-        ["Newton's iteration does not converge at t = 0.0001 s", "residuals", " N:", "smaller dt"],
-    ),
+    "inverted, explicit": (at.solve, pushed, EXPLICIT, ["turned inside out at t = 0.03 s", "finer mesh"]),
+    "inverted, implicit": (at.solve, pushed, IMPLICIT, []),
+    "limit falls": (at.solve, pulled, ABOVE, ["lowers the largest stable step, to 0.00"]),
+    "gradients": (at.solve, struck, STEP, []),
+    "gradients, Exudyn": (exudyn_cable.solve, struck, STEP, ["gradients grew beyond 1000"]),
+    "Newton": (at.solve, lambda: cantilever_fall().scene, FALL, ["Newton's iteration failed"]),
+    "Newton, global": (global_dae.solve, stopped, {"dt": 1e-4, "output_dt": 1e-4}, ["Newton's iteration"]),
 }
 
 
@@ -99,72 +66,52 @@ def test_divergence_is_named_and_the_history_before_it_kept(what):
     run = at.Discretisation(**{"mesh": 4, "t_end": 1.0} | options)
     found = solve(scene(), run)
     status, body = found.status, found.scene.bodies[0].name
-    assert status == "diverged"
-    assert [w for w in words if w not in status.message] == []
-    assert "\n" not in status.message
-    assert status.body == body
+    assert (status, status.body) == ("diverged", body)
     assert status.element in range(run.mesh)
-    assert f"element {status.element}" in status.message
-    assert repr(body) in status.message
+    for word in [*words, "smaller dt", repr(body), f"element {status.element}"]:
+        assert word in status.message
     assert status.time == pytest.approx(status.step * run.dt)
     assert 0 < len(found.t) < len(run.output_steps)
     assert found.t[-1] < status.time
     path = found.position(body, 1.0)
     assert len(path) == len(found.t) == len(found.energy.balance)
     assert np.isfinite(path).all()
-    if "Newton" in status.message and solve is global_dae.solve:
-        assert len(status.residuals) > 3
-
-
-@pytest.mark.parametrize("solve", [global_dae.solve])
-def test_residual_history_begins_with_the_force_that_is_missing(solve):
-    """The jump of the law, on one side of which each correction ends.
-
-    Loads that are too large for a step would do, too, but where these corrections end depends on rounding.
-    """
-    found = solve(stopped(), mesh=4, dt=1e-4, t_end=0.1)
-    residuals = found.status.residuals
-    assert residuals == pytest.approx([6e4] * len(residuals), rel=0.01)
-    assert len(residuals) >= 25
 
 
 # --- what is sound -----------------------------------------------------------------------------------------
 
 
-def straight(nodes=5, vectors=3):
-    """Coordinates of a straight row of elements of length 1, (1, nodes, vectors, 2)."""
-    q = np.zeros((1, nodes, vectors, 2))
-    q[0, :, 0, 0] = np.arange(nodes)
+def straight(vectors=3):
+    """Coordinates of a straight row of four elements of length 1, (1, nodes, vectors, 2)."""
+    q = np.zeros((1, 5, vectors, 2))
+    q[0, :, 0, 0] = np.arange(5)
     q[0, :, 1, 0] = 1.0
     q[0, :, 2:, 1] = 1.0
     return q
 
 
-def turned(q, angle):
+@pytest.mark.parametrize("angle", [0.0, 2.5])
+def test_elements_inside_out_are_found_however_they_lie(angle):
+    """One whose far end lies before its near one, a director that points down, and an axis with a cusp."""
     c, s = np.cos(angle), np.sin(angle)
-    return q @ np.array([[c, s], [-s, c]])
-
-
-@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5, np.pi])
-@pytest.mark.parametrize("vectors", [2, 3])
-def test_elements_inside_out_are_found_however_they_lie(angle, vectors):
-    sound_one = straight(vectors=vectors)
-    assert not inside_out(turned(sound_one, angle), 1.0).any()
-    folded = sound_one.copy()
-    folded[0, 3:, 0, 0] -= 1.6  # the third element's far end lies before its near one
-    assert inside_out(turned(folded, angle), 1.0).tolist() == [[False, False, True, False]]
+    turn = np.array([[c, s], [-s, c]])
+    assert not inside_out(straight() @ turn, 1.0).any()
+    folded = straight()
+    folded[0, 3:, 0, 0] -= 1.6
+    assert inside_out(folded @ turn, 1.0).tolist() == [[False, False, True, False]]
     mirrored = straight()
     mirrored[0, 2, 2] *= -1.0
-    assert inside_out(turned(mirrored, angle), 1.0).tolist() == [[False, True, True, False]]
+    assert inside_out(mirrored @ turn, 1.0).tolist() == [[False, True, True, False]]
+    cusp = straight(vectors=2)
+    cusp[0, 4, 0, 0], cusp[0, 4, 1, 0] = 3.04, -1.1
+    assert inside_out(cusp @ turn, 1.0).tolist() == [[False, False, False, True]]
 
 
-@pytest.mark.parametrize("angle", [0.0, 1.0])
-@pytest.mark.parametrize("end", [0.575, 0.9, 1.3])
-def test_an_axis_that_folds_back_on_itself_has_a_cusp(angle, end):
-    """A bar whose last element is folded: its strains balance an axial load, and its chord may have any direction."""
-    q = straight(vectors=2)
-    q[0, 4, 0, 0], q[0, 4, 1, 0] = 3.0 + end - 0.86, -1.1
-    assert inside_out(turned(q, angle), 1.0).tolist() == [[False, False, False, True]]
+def moving(q):
+    """A solution with the coordinates of one body over time."""
+    run = at.Discretisation(mesh=4, dt=0.1, t_end=0.1 * (len(q) - 1), integrator="zhai")
+    times, energy = run.times(run.output_steps), Energy.unknown(len(q))
+    return Solution("x", bar(), run, times, {"bar": HermiteField(q, 4.0)}, energy, Cost(), Status())
 
 
 #: Kinetic and potential energy, and work: what is no divergence, and what is.
@@ -175,35 +122,15 @@ ENERGIES = {
     # a stable step near its limit may show an energy of 5
     "vibrating": ([1.0, 5.0, 5.0, 1.0], [0.0] * 4, [0.0] * 4, True),
     "growing": ([1.0, 5.0, 8.0, 90.0], [0.0] * 4, [0.0] * 4, False),
-    "unknown": ([np.nan] * 4, [np.nan] * 4, [np.nan] * 4, True),
 }
 
 
 @pytest.mark.parametrize("what", ENERGIES)
 def test_energy_from_nowhere_is_told_from_work_and_exchange(what):
     kinetic, potential, work, ok = ENERGIES[what]
-    q = np.repeat(straight(), 4, axis=0)
     energy = Energy(*(np.array(x) for x in (kinetic, [0.0] * 4, potential, work)))
-    run = at.Discretisation(mesh=4, dt=0.1, t_end=0.3, integrator="zhai")
-    found = checked(replace(moving(q), run=run, energy=energy))
+    found = checked(replace(moving(np.repeat(straight(), 4, axis=0)), energy=energy))
     assert found.status == ("ok" if ok else "diverged")
-
-
-def moving(q):
-    """A solution with the coordinates of one body over time."""
-    scene = bar()
-    run = at.Discretisation(mesh=q.shape[1] - 1, dt=0.1, t_end=0.1 * (len(q) - 1))
-    fields = {"bar": HermiteField(q, 4.0)}
-    return Solution(
-        "x",
-        scene,
-        run,
-        run.times(run.output_steps),
-        fields,
-        Energy.unknown(len(q)),
-        Cost(),
-        Status(),
-    )
 
 
 def test_history_is_cut_before_the_first_fault():
@@ -211,12 +138,8 @@ def test_history_is_cut_before_the_first_fault():
     assert checked(moving(q)).status.ok
     q[4, 2, 2] *= -1.0
     cut = checked(moving(q))
-    assert cut.status == "diverged"
-    assert (cut.status.time, cut.status.step, cut.status.element) == (pytest.approx(0.4), 4, 1)
+    assert (cut.status, cut.status.step, cut.status.element) == ("diverged", 4, 1)
     assert len(cut.t) == len(cut.position("bar", 0.5)) == len(cut.energy.work) == 4
-    at_rest = checked(moving(q), static=True)
-    assert "at load factor 0.4" in at_rest.status.message
-    assert at_rest.status.step is None
 
 
 def test_a_stable_step_near_its_limit_is_no_divergence():
@@ -226,7 +149,6 @@ def test_a_stable_step_near_its_limit_is_no_divergence():
     )
     scene = at.Scene("axial", [body], [Clamp("bar.start")])
     limit = 2.0 / frequency_of(scene)
-    run = {"mesh": 2, "element": "cable", "integrator": "zhai", "dt": 0.9 * limit, "t_end": 1800 * limit}
-    found = at.solve(scene, **run)
+    found = at.solve(scene, mesh=2, integrator="zhai", dt=0.9 * limit, t_end=1800 * limit)
     assert found.status.ok
     assert found.energy.balance.max() > 2.0 * found.energy.kinetic[0]

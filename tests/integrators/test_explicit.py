@@ -1,15 +1,18 @@
 """Zhai's integrator: Störmer–Verlet's positions, its stability limit, order, energy, and how a run ends."""
 
-from math import pi, sqrt
+from math import sqrt
 
 import numpy as np
 import pytest
-from samples import KINDS, bar, frequency_of, gap, row_scene
+from samples import KINDS, bar, frequency_of, row_scene
 
+import anctmm as at
+from anctmm.discretise.discretisation import discretise
 from anctmm.errors import StabilityError
-from anctmm.model.drives import Quintic
+from anctmm.integrators.stability import largest_step
 from anctmm.model.scene import Clamp, Force, Pin
 from anctmm.solve import solve
+from anctmm.system.system import System
 
 GRAVITY = (0.0, -9.81)
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -53,7 +56,7 @@ def test_stable_up_to_the_limit_and_not_beyond(kind, psi):
         run(plucked(), above, 1, **{**options, "check_stability": True})
 
 
-@pytest.mark.parametrize(("psi", "phi"), [(0.25, 0.5), (0.0, 0.5), (0.4, 0.4), (0.0, 0.0)])
+@pytest.mark.parametrize(("psi", "phi"), [(0.25, 0.5), (0.4, 0.4)])
 def test_other_parameters_grow_at_any_step(psi, phi):
     """A fifth of the limit, yet small vibrations grow; with ψ = φ = ½ they do not."""
     h = limit_step(plucked(), 0.2)
@@ -85,24 +88,20 @@ def test_diverging_run_says_where_and_keeps_its_history(kind):
         assert np.isfinite(series).all()
 
 
-@every_kind
-@pytest.mark.parametrize("step", [0, 1, 4])
-def test_what_is_not_finite_ends_a_run_before_it_is_kept(kind, step):
+@pytest.mark.parametrize("step", [0, 4])
+def test_what_is_not_finite_ends_a_run_before_it_is_kept(step):
     """A force as large as a history may give, from a step on: the next step's coordinates are useless."""
-    h = limit_step(bar([Clamp("bar.start")]), 0.5, element=kind)
+    h = limit_step(bar([Clamp("bar.start")]), 0.5)
     beyond = Force("bar.end", lambda t: (0.0, 1e100 if t > (step - 0.5) * h else 0.0))
-    with np.errstate(all="ignore"):  # where kernels are not compiled
-        motion = run(bar([Clamp("bar.start")], [beyond]), h, 10, element=kind)
-    last = step + 1
-    assert (motion.status, motion.status.step, motion.cost.steps) == ("diverged", last, last)
-    assert motion.status.time == pytest.approx(last * h)
-    assert motion.t == pytest.approx(h * np.arange(last))
-    assert len(motion.position("bar", 1.0)) == len(motion.energy.work) == last
+    motion = run(bar([Clamp("bar.start")], [beyond]), h, 10)
+    assert (motion.status, motion.status.step) == ("diverged", step + 1)
+    assert motion.t == pytest.approx(h * np.arange(step + 1))
+    assert len(motion.position("bar", 1.0)) == len(motion.energy.work) == step + 1
     assert "at the output before" not in motion.status.message  # it was not the step's fault
 
 
 @every_kind
-@pytest.mark.parametrize(("psi", "phi"), [(0.5, 0.5), (0.8, 0.8), (0.7, 0.6)])
+@pytest.mark.parametrize(("psi", "phi"), [(0.5, 0.5), (0.7, 0.6)])
 def test_fall_of_a_free_bar_is_exact_for_all_parameters(kind, psi, phi):
     """Of a constant acceleration all members of the family make the exact motion."""
     motion = run(bar(gravity=GRAVITY), 1e-5, 7, element=kind, psi=psi, phi=phi, check_stability=False)
@@ -112,23 +111,6 @@ def test_fall_of_a_free_bar_is_exact_for_all_parameters(kind, psi, phi):
 
 
 # --- order and energy --------------------------------------------------------------------------------------
-
-
-def orders(scene, dt, t_end, kind, **options):
-    """Errors of a step and its half, and the observed order, against a sixteenth of it."""
-    ends = [run(scene, h, round(t_end / h), round(t_end / h), element=kind, **options) for h in
-            (dt, dt / 2, dt / 16)]  # fmt: skip
-    body = scene.bodies[-1].name
-    one, two = (gap(s, ends[2], body=body) for s in ends[:2])
-    return one, two, np.log2(one / two)
-
-
-@pytest.mark.parametrize(("kind", "dt"), [("cable", 2e-4), ("shear", 2e-5)])
-def test_order_is_two(kind, dt):
-    scene = bar([Clamp("bar.start", Quintic(pi / 2, 0.5))], gravity=GRAVITY)
-    one, _, order = orders(scene, dt, 0.24, kind)
-    assert order == pytest.approx(2.0, abs=0.1)
-    assert one < 1e-5
 
 
 @pytest.mark.parametrize(("kind", "level"), [("cable", 5e-6), ("shear", 1.5e-7)])
@@ -144,9 +126,51 @@ def test_energy_is_bounded_without_drift_over_a_hundred_thousand_steps(kind, lev
     assert abs(quarters[3].mean() - quarters[0].mean()) < 0.1 * size[0]
 
 
-@every_kind
-def test_energy_of_a_large_motion_closes(kind):
-    scene = bar([Pin("bar.start")], gravity=GRAVITY)
-    motion = run(scene, limit_step(scene, 0.05, element=kind), 100_000, 100, element=kind)
-    assert motion.energy.kinetic.max() > 1.0
-    assert np.abs(motion.energy.balance).max() < 1e-4 * motion.energy.kinetic.max()
+# --- rigid bodies ------------------------------------------------------------------------------------------
+
+LEVER = at.RigidBody("lever", 2.0, 0.3, (0.5, 0.0), points={"o": (0.0, 0.0), "e": (1.0, 0.0)})
+TWIST = at.RotationalSpring("lever.o", stiffness=1000.0)
+#: Largest stable step of the lever about its hinge: 2 / sqrt(k / (I + m a²)).
+LONGEST = 2.0 / sqrt(1000.0 / (0.3 + 2.0 * 0.25))
+
+
+def lever(joint, *connectors):
+    return at.Scene("lever", [LEVER], [joint], gravity=(0.0, -1.0), connectors=connectors)
+
+
+def test_the_limit_is_that_of_the_spring():
+    scene = lever(Pin("lever.o"), TWIST)
+    assert at.solve(scene, integrator="zhai", dt=0.999 * LONGEST, t_end=LONGEST).status.ok
+    with pytest.raises(StabilityError, match=f"at most {LONGEST:.4g}"):
+        at.solve(scene, integrator="zhai", dt=1.001 * LONGEST, t_end=LONGEST)
+
+
+@pytest.mark.parametrize(
+    ("joint", "connectors"),
+    [
+        (Clamp("lever.o"), [TWIST]),
+        (Pin("lever.o"), [at.Spring("lever.o", (1.0, 1.0), stiffness=1e6)]),
+    ],
+    ids=["a twist that is held", "a spring at the hinge"],
+)
+def test_where_nothing_can_vibrate_steps_may_be_of_any_length(joint, connectors):
+    """Springs between places that joints hold had the frequency of rounding: 1e-7 rad/s."""
+    system = System(lever(joint, *connectors), discretise(None, {"integrator": "zhai"}))
+    assert largest_step(system, system.mesh.reference) > 1e3
+
+
+def test_a_step_beyond_the_limit_is_told_as_one_and_not_as_a_lock():
+    """The lever turns so far in a step that its shape is lost: joints and drives have nothing to do with it."""
+    options = {"integrator": "zhai", "dt": 0.2, "t_end": 20.0, "check_stability": False}
+    found = at.solve(lever(Pin("lever.o"), TWIST), **options)
+    assert (found.status.code, found.status.body) == ("diverged", "lever")
+    assert "largest stable step" in found.status.message
+    assert "lock" not in found.status.message
+
+
+def test_a_body_that_turns_too_far_in_a_step_is_told_so():
+    """Without a spring there is no limit, and no joint either."""
+    spinning = at.RigidBody("top", 1.0, 0.1, (0.0, 0.0), spin=1000.0)
+    found = at.solve(at.Scene("top", [spinning]), integrator="zhai", dt=0.02, t_end=1.0)
+    assert not found.status.ok
+    assert "smaller" in found.status.message

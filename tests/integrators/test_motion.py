@@ -41,7 +41,7 @@ def move(scene, integrator="zhai", kind="cable", t_end=0.04, **options):
 
 @every_integrator
 @every_kind
-@pytest.mark.parametrize("angle", [1.0, pi / 2, pi, -3.0])
+@pytest.mark.parametrize("angle", [pi, -3.0])
 def test_weld_keeps_its_angle(kind, integrator, angle):
     """Directions of the two sides as complex numbers; at π the second body lies back on the first."""
     motion = move(row_scene("clamp", [("weld", angle)], "free", gravity=GRAVITY), integrator, kind)
@@ -75,15 +75,6 @@ def test_chains_that_nothing_joins_do_not_see_each_other(integrator):
             assert gap(whole, alone, 0.9, body.name) < 1e-12
 
 
-@every_integrator
-@every_kind
-def test_nothing_moves_where_everything_is_held(kind, integrator):
-    scene = bar([Clamp("bar.start"), Clamp("bar.end")], gravity=GRAVITY)
-    motion = solve(scene, mesh=1, element=kind, integrator=integrator, dt=1e-3, t_end=0.01)
-    assert motion.status.ok
-    assert np.abs(motion.displacement(("bar", 0.5))).max() == 0.0
-
-
 # --- supports in the middle, initial velocities --------------------------------------------------------------
 
 
@@ -101,14 +92,13 @@ def test_clamped_gradients_take_no_velocity(kind, integrator):
 
 @every_integrator
 @every_kind
-@pytest.mark.parametrize("grounded", [False, True])
-def test_welded_gradients_move_as_one(kind, integrator, grounded):
+def test_welded_gradients_move_as_one(kind, integrator):
     """A motion that is grounded at the weld, where both bodies turn as one."""
     bodies = [
         Beam("a", (0.0, 0.0), (0.5, 0.0), SQUARE, SOFT, lambda s: (0.0, (s - 1.0) * (2.0 - s))),
         Beam("b", (0.5, 0.0), (1.0, 0.0), SQUARE, SOFT, lambda s: (0.0, s * (1.0 + 3.0 * s))),
     ]
-    motion = move(Scene("turn", bodies, [Weld("a.end", "b.start", grounded=grounded)]), integrator, kind)
+    motion = move(Scene("turn", bodies, [Weld("a.end", "b.start", grounded=True)]), integrator, kind)
     one, two = motion.fields["a"].coordinates[:, -1], motion.fields["b"].coordinates[:, 0]
     assert np.abs(one - two).max() < 1e-14
 
@@ -118,7 +108,7 @@ def test_welded_gradients_move_as_one(kind, integrator, grounded):
 
 @every_integrator
 @every_kind
-@pytest.mark.parametrize("turned", [(), (0,), (1,), (0, 1)])
+@pytest.mark.parametrize("turned", [(0,), (1,)])
 def test_driven_clamp_at_either_end_and_in_either_direction(turned, kind, integrator):
     """The driven clamp first or last in the chain: the same motion, held exactly, and the work closes the balance."""
     drive = Quintic(pi / 3, 0.1)
@@ -140,13 +130,12 @@ def test_driven_clamp_at_either_end_and_in_either_direction(turned, kind, integr
 
 
 @every_integrator
-@every_kind
-def test_two_driven_hubs(kind, integrator):
+def test_two_driven_hubs(integrator):
     """Both ends of one body turn; a turn by equal angles of opposite sense keeps the mirror symmetry."""
     drive, back = Quintic(0.5, 0.1), Quintic(-0.5, 0.1)
     beam = Beam("b", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
     scene = Scene("arch", [beam], [Clamp("b.start", drive), Clamp("b.end", back)])
-    motion = move(scene, integrator, kind, t_end=0.1, mesh=4)
+    motion = move(scene, integrator, t_end=0.1, mesh=4)
     for fraction in (0.25, 0.4):
         left, right = motion.position("b", fraction), motion.position("b", 1 - fraction)
         assert np.abs(left * [-1, 1] + [1, 0] - right).max() < 1e-10
@@ -154,18 +143,16 @@ def test_two_driven_hubs(kind, integrator):
     assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("integrator", "factor"), [("zhai", 1), ("generalized-alpha", 20)])
-def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor, kind):
+def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor):
     """Work of a clamp, a torque and a force of time; ρ∞ = 1 takes nothing."""
     loads = [Torque("b1.end", Pulse(0.2, 0.1)), Force("b0.end", lambda t: (5.0 * t, 0.0))]
     row = row_scene("free", [("pin", 0.4)], "free", loads=loads, gravity=GRAVITY)
     scene = replace(row, joints=[*row.joints, Clamp("b0.start", Quintic(1.0, 0.2))])
-    h = 4e-5 if kind == "cable" else 8e-6
     sizes = []
-    for dt in (factor * h, factor * h / 2):
+    for dt in (factor * 4e-5, factor * 2e-5):
         options = {"dt": dt, "output_dt": 0.008, "spectral_radius": 1.0}
-        motion = move(scene, integrator, kind, t_end=0.08, **options)
+        motion = move(scene, integrator, t_end=0.08, **options)
         sizes.append(np.abs(motion.energy.balance).max() / motion.energy.kinetic.max())
     assert sizes[0] / sizes[1] == pytest.approx(4.0, rel=0.15)
     assert sizes[1] < 1e-3
@@ -175,11 +162,11 @@ def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integr
 
 
 @every_integrator
-@every_kind
-def test_outputs_hold_the_end_of_a_run_that_is_no_whole_number_of_them(kind, integrator):
+def test_outputs_hold_the_end_of_a_run_that_is_no_whole_number_of_them(integrator):
     scene, dt = bar([Clamp("bar.start")], gravity=GRAVITY), 1e-5
-    every = solve(scene, mesh=2, element=kind, integrator=integrator, dt=dt, t_end=25 * dt)
-    some = solve(scene, mesh=2, element=kind, integrator=integrator, dt=dt, t_end=25 * dt, output_dt=10 * dt)
+    every, some = (
+        solve(scene, mesh=2, integrator=integrator, dt=dt, t_end=25 * dt, output_dt=n * dt) for n in (1, 10)
+    )
     assert some.t == pytest.approx([0.0, 10 * dt, 20 * dt, 25 * dt], abs=1e-18)
     assert every.t.size == 26
     kept = [0, 10, 20, 25]

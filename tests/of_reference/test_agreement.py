@@ -9,8 +9,8 @@ from samples import KINDS, SOFT, SQUARE, gap, row_scene
 
 from anctmm import solve, solve_static
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.model.drives import Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
+from anctmm.model.drives import Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, Weld
 from anctmm.results.metrics import compare
 from reference import exudyn_cable, global_dae
 from reference.global_dae.layout import Layout
@@ -65,15 +65,6 @@ def test_falling_cantilever_is_exudyns(quadrature):
     assert np.abs(ours.displacement("beam.end")).max() > 0.9 * LENGTH
 
 
-def test_quadratures_are_told_apart():
-    """What the test above finds equal would differ by a thousandth with another quadrature."""
-    ends = [
-        solve(cantilever_fall().scene, implicit(8, 1e-3, 0.2, quadrature=q)).displacement("beam.end")[-1]
-        for q in QUADRATURES
-    ]
-    assert min(np.abs(ends[i] - ends[j]).max() for i, j in ((0, 1), (0, 2), (1, 2))) > 1e-7
-
-
 def test_moment_driven_four_bar_is_exudyns():
     scene, run = four_bar_moment().scene, implicit(MESH, 1e-3, 1.2, output_dt=0.01)
     ours, peer = solve(scene, run), exudyn_cable.solve(scene, run, tolerances=FOUR_BAR_TIGHT)
@@ -88,8 +79,7 @@ def test_angle_driven_four_bar_is_exudyns(dt):
     assert difference(ours, peer) < 1e-9
 
 
-@pytest.mark.parametrize("quadrature", QUADRATURES)
-@pytest.mark.parametrize("load", [0.5, 3.0, 10.0])
+@pytest.mark.parametrize(("load", "quadrature"), zip((0.5, 3.0, 10.0), QUADRATURES, strict=True))
 def test_static_cantilever_is_exudyns(load, quadrature):
     scene = cantilever_tip_force(load).scene
     run = Discretisation(mesh=16, quadrature=quadrature, newton_tolerance=1e-12)
@@ -113,26 +103,12 @@ def both(scene, run, probes):
 
 def check_both(scene, mesh, kind, probes, zhai=1e-9, alpha=1e-8):
     """Zhai to 1e-9, generalized-α to 1e-8."""
-    assert both(scene, explicit(scene, mesh, kind, 0.04, 0.004), probes) < zhai
-    assert both(scene, implicit(mesh, 1e-3, 0.2, element=kind, output_dt=0.01), probes) < alpha
-
-
-@pytest.mark.exhaustive
-def test_mixed_chain_is_that_of_the_global_dae():
-    """Shear elements, cables and shear elements again, of unequal number, pinned to each other."""
-    kinds = {"b0": "shear", "b1": "cable", "b2": "shear"}
-    loads = [
-        Torque("b1.start", Pulse(0.2, 0.1)),
-        Force("b2.end", lambda t: (0.3, 5 * t)),
-        Torque("b2.end", 0.1),
-    ]
-    links = [("pin", 0.5), ("pin", -0.7)]
-    scene = row_scene("clamp", links, "free", turned=(1,), loads=loads, gravity=(0.0, -9.81))
-    check_both(scene, {"b0": 2, "b1": 5, "b2": 1}, kinds, ["b2.end", ("b1", 0.3)])
+    assert both(scene, explicit(scene, mesh, kind, 0.02, 0.004), probes) < zhai
+    assert both(scene, implicit(mesh, 1e-3, 0.1, element=kind, output_dt=0.01), probes) < alpha
 
 
 @every_kind
-@pytest.mark.parametrize("angle", [0.0, 0.8, pi, -2.5])
+@pytest.mark.parametrize("angle", [0.8, pi])
 def test_weld_at_any_angle_is_that_of_the_global_dae(kind, angle):
     scene = row_scene("clamp", [("weld", angle), ("pin", 0.3)], "pin", gravity=(0.0, -9.81))
     check_both(scene, 2, kind, ["b0.end", ("b1", 0.6), ("b2", 0.5)])
@@ -154,20 +130,6 @@ def test_initial_velocities_that_joints_can_have_are_those_of_the_global_dae(kin
     ]
     scene = Scene("thrown", bodies, [Clamp("a.start"), Weld("a.end", "b.start")])
     check_both(scene, 2, kind, ["a.end", "b.end"])
-
-
-@every_kind
-def test_supported_and_free_chains_are_those_of_the_global_dae(kind):
-    """A continuous beam over a support, a hinge held in place, and a body thrown beside them."""
-    row = row_scene("pin", [("weld", 0.0), ("pin", 0.4)], "free", gravity=(0.0, -9.81))
-    joints = [
-        row.joints[0],
-        Weld("b0.end", "b1.start", grounded=True),
-        Pin("b1.end", "b2.start", grounded=True),
-    ]
-    thrown = Beam("thrown", (0, 3), (1, 3), SQUARE, SOFT, lambda s: (1.0, 3.0 * s))
-    scene = replace(row, joints=joints, bodies=[thrown, *row.bodies])
-    check_both(scene, 2, kind, ["b2.end", "thrown.end", ("b0", 0.5)])
 
 
 @every_kind

@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 from scipy.optimize import root
 
 from anctmm.elements.shear import ShearElement
-from anctmm.errors import AnctmmError, DiscretisationError, PropertyError, SceneError, SolverError
+from anctmm.errors import AnctmmError, PropertyError, SceneError, SolverError
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
 from anctmm.model.sections import Rectangle
 from reference import exact
 from reference.exact.cantilever import Cantilever
-from reference.exact.director import Fibres
-from reference.exact.frequencies import BENDING
 from reference.exact.legendre import gauss
 from reference.exact.rods import Rigidity
 
@@ -83,22 +80,15 @@ def test_rods_agree_with_shooting(name, rigidity):
     assert shape.uncertainty < 2e-13
 
 
-@pytest.mark.parametrize("load", [0.01, 0.5, 1.0, 3.0, 10.0, 100.0])
-def test_inextensible_elastica_equals_elliptic_integrals(load):
-    x, y, angle = exact.inextensible_tip(load)
-    shape = exact.solve_rod(Cantilever(2.0, force=(0.0, load / 4.0)), Rigidity(1.0))
-    assert_allclose(shape.position(1.0), (2.0 * x, 2.0 * y), rtol=0, atol=5e-14)
-    assert shape.angle(1.0) == pytest.approx(angle, abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("load", "rise", "shortening", "slope"),
     [(1.0, 0.30172, 0.05643, 0.46135), (2.0, 0.49346, 0.16064, 0.78175), (10.0, 0.81061, 0.55500, 1.43029)],
 )
 def test_inextensible_elastica_equals_the_published_table(load, rise, shortening, slope):
     """Mattiasson 1981, DOI 10.1002/nme.1620170113."""
-    x, y, angle = exact.inextensible_tip(load)
-    assert_allclose((y, 1.0 - x, angle), (rise, shortening, slope), rtol=0, atol=6e-6)
+    shape = exact.solve_rod(Cantilever(1.0, force=(0.0, load)), Rigidity(1.0))
+    x, y = shape.position(1.0)
+    assert_allclose((y, 1.0 - x, shape.angle(1.0)), (rise, shortening, slope), rtol=0, atol=6e-6)
 
 
 @pytest.mark.parametrize("rigidity", [Rigidity(3.0), STRETCHY, SOFT])
@@ -111,14 +101,6 @@ def test_end_moment_makes_a_circle(turns, rigidity):
         assert_allclose(shape.position(fraction), arc, rtol=0, atol=5e-14)
     assert shape.angle(1.0) == pytest.approx(turns * 2.0 * np.pi, abs=1e-12)
     assert shape.strain_energy == pytest.approx(0.5 * moment * turns * 2.0 * np.pi, abs=1e-11)
-
-
-def test_pull_along_the_axis_only_stretches():
-    shape = exact.solve_rod(Cantilever(2.0, force=(6.0, 0.0), weight=(1.5, 0.0)), STRETCHY)
-    assert_allclose(
-        shape.position(1.0), (2.0 + 6.0 * 2.0 / 60.0 + 1.5 * 2.0**2 / 2.0 / 60.0, 0.0), atol=1e-14
-    )
-    assert shape.normal_and_shear_force(0.5) == pytest.approx((7.5, 0.0))
 
 
 @pytest.mark.parametrize("rigidity", [STRETCHY, SOFT])
@@ -136,15 +118,6 @@ def test_energy_of_a_rod_is_what_its_growing_loads_did(rigidity):
     unit = np.array([potential(f)[0] for f in factors])
     whole, shape = potential(1.0)
     assert shape.strain_energy == pytest.approx(weights @ unit - whole, rel=1e-12)
-
-
-def test_small_load_deflection_is_timoshenkos():
-    shape = exact.solve_rod(Cantilever(2.0, force=(0.0, 1e-5)), SOFT)
-    linear = exact.timoshenko_tip_deflection(2.0, 1e-5, SOFT.bending, SOFT.shear)
-    assert shape.position(1.0)[1] == pytest.approx(linear, rel=1e-8)
-    assert linear == pytest.approx(1e-5 * (8.0 / 3.0 + 2.0 / 25.0), rel=1e-15)
-    slender = exact.timoshenko_tip_deflection(1.0, 3.0, 1.0, np.inf)
-    assert slender == pytest.approx(1.0, rel=1e-15)
 
 
 def test_continuation_keeps_the_branch_of_the_unloaded_rod():
@@ -211,29 +184,6 @@ def fields_at(shape, fraction):
     )
 
 
-def test_three_fibres_have_the_energy_of_the_section():
-    rng = np.random.default_rng(1)
-    _, cross, material = loaded(3.0, 0.3)
-    fibres = Fibres(cross, material)
-    p, d, q = rng.normal(size=(3, 2))
-    gradient = np.array([[p + y * q, d] for y in fibres.places])
-    energy = fibres.areas @ fibres.energy(gradient)
-    assert energy == pytest.approx(section_energy(cross, material, p, d, q), rel=1e-13)
-
-
-def test_fibre_stress_and_tangent_are_the_energys_derivatives():
-    rng = np.random.default_rng(2)
-    _, cross, material = loaded(3.0, 0.3)
-    fibres = Fibres(cross, material)
-    gradient = rng.normal(size=(2, 2))
-    stress, tangent = fibres.stress(gradient), fibres.tangent(gradient)
-    for k, index in enumerate(np.ndindex(2, 2)):
-        shifted = gradient.astype(complex)
-        shifted[index] += 1e-30j
-        assert stress[index] == pytest.approx(fibres.energy(shifted).imag / 1e-30, rel=1e-12)
-        assert_allclose(tangent[:, k], fibres.stress(shifted).imag.ravel() / 1e-30, rtol=1e-11)
-
-
 @pytest.mark.parametrize(
     ("slenderness", "poisson", "load", "moment"),
     [
@@ -260,7 +210,6 @@ def test_director_continuum_satisfies_its_strong_form(slenderness, poisson, load
         integrals.append(section_energy(cross, material, p, d, q) - p @ by_p - q @ by_q)
     assert_allclose(integrals, integrals[0], rtol=0, atol=1e-8 * scale)
     assert shape.uncertainty < 1e-11
-    assert shape.residual < 1e-9
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3])
@@ -268,7 +217,7 @@ def test_shear_element_tends_to_the_director_continuum(poisson):
     """Second road: the element, c'(0) free as the continuum has it, extrapolated from its even error series."""
     problem, cross, material = loaded(5.0, poisson, 0.5)
     tip = exact.solve_director(problem, cross, material).position(1.0)
-    errors = [element_tip(problem, cross, material, n, hold_slope=False) - tip for n in (8, 16, 32)]
+    errors = [element_tip(problem, cross, material, n) - tip for n in (8, 16, 32)]
     sizes = np.linalg.norm(errors, axis=1)
     assert sizes[0] < 4e-3
     assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.06)
@@ -276,18 +225,7 @@ def test_shear_element_tends_to_the_director_continuum(poisson):
     assert np.linalg.norm((16.0 * once[1] - once[0]) / 15.0) < 2e-7
 
 
-def test_held_gradient_costs_the_shear_element_its_second_order():
-    """The clamp of the whole gradient has the same limit, but a first-order error that is seen in thick beams."""
-    problem, cross, material = loaded(2.0, 0.0, 0.1)
-    tip = exact.solve_director(problem, cross, material).position(1.0)
-    errors = [
-        np.linalg.norm(element_tip(problem, cross, material, n, hold_slope=True) - tip) for n in (32, 64, 128)
-    ]
-    assert errors[-1] < 1e-5
-    assert np.log2(errors[1] / errors[2]) < 1.3
-
-
-def element_tip(problem, cross, material, n, hold_slope):
+def element_tip(problem, cross, material, n):
     """Tip of a cantilever of n shear elements by Newton, started from the rod with the same rigidities."""
     A, I, J = cross.area, cross.second_moment, cross.fourth_moment  # noqa: E741
     element = ShearElement(problem.length / n, A, I, J, *material.lame, material.density)
@@ -295,7 +233,7 @@ def element_tip(problem, cross, material, n, hold_slope):
     q = np.array([node(rod, i / n) for i in range(n + 1)])
     q[0] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
     free = np.ones(q.shape, bool)
-    free[0, [0, 1, 2] if hold_slope else [0, 2]] = False
+    free[0, [0, 2]] = False
     free = free.ravel()
     for _ in range(20):
         residual, tangent = np.zeros(q.size), np.zeros((q.size, q.size))
@@ -318,29 +256,17 @@ def node(rod, fraction):
     return [rod.position(fraction), [c, s], [-s, c]]
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
-@pytest.mark.parametrize("slenderness", [3.0, 10.0, 40.0])
+@pytest.mark.parametrize(("slenderness", "poisson"), [(3.0, 0.45), (10.0, 0.0), (40.0, 0.3)])
 def test_small_strain_limit_of_the_director_continuum_is_timoshenkos_with_poisson_locking(
     slenderness, poisson
 ):
     problem, cross, material = loaded(slenderness, poisson, 1e-5)
     _, G = material.lame
-    bending = exact.poisson_locking_factor(poisson) * material.E * cross.second_moment
-    linear = exact.timoshenko_tip_deflection(1.0, problem.force[1], bending, G * cross.area)
+    locking = (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    bending = locking * material.E * cross.second_moment
+    linear = problem.force[1] * (1.0 / (3.0 * bending) + 1.0 / (G * cross.area))
     shape = exact.solve_director(problem, cross, material)
     assert shape.position(1.0)[1] == pytest.approx(linear, rel=2e-8)
-
-
-def test_greens_strain_departs_from_reissners_rod_with_the_thickness_squared():
-    """At PL²/EI = 3 and h/L = 1/20 the tips are 0.16 % of the displacement apart."""
-    gaps = []
-    for slenderness in (20.0, 40.0, 80.0):
-        problem, cross, material = loaded(slenderness, 0.0, 3.0)
-        reissner = exact.solve_rod(problem, Rigidity.timoshenko(cross, material)).position(1.0)
-        gap = exact.solve_director(problem, cross, material).position(1.0) - reissner
-        gaps.append(np.linalg.norm(gap) / np.linalg.norm(reissner - (1.0, 0.0)))
-    assert gaps[0] == pytest.approx(1.594e-3, rel=1e-3)
-    assert_allclose(np.log2(np.divide(gaps[:-1], gaps[1:])), 2.0, atol=0.02)
 
 
 def test_director_continuum_turns_with_its_clamp_and_balances_its_energy():
@@ -368,53 +294,6 @@ def test_director_continuum_turns_with_its_clamp_and_balances_its_energy():
 
 # ------------------------------------------------------------------------------------------ frequencies
 
-#: Rows of (w, φ, M, Q) that vanish at an end.
-ZERO_AT = {"clamped": (0, 1), "pinned": (0, 2), "free": (2, 3)}
-
-
-def end_determinant(ends, b, S, R):
-    """Second road: vanishes at a frequency; by the exponential of the first-order system."""
-    first, last = ends.split("-")
-    system = np.array([[0, 1, 0, S], [0, 0, 1, 0], [0, -(b**2) * R, 0, -1], [-(b**2), 0, 0, 0]])
-    open_ = [i for i in range(4) if i not in ZERO_AT[first]]
-    return np.linalg.det(expm(system)[np.ix_(ZERO_AT[last], open_)])
-
-
-@pytest.mark.parametrize(("S", "R"), [(1e-4, 5e-5), (0.05, 0.025)])
-@pytest.mark.parametrize("ends", BENDING)
-def test_timoshenko_frequencies_are_all_the_roots_of_the_determinant(ends, S, R):
-    """The determinant changes sign at each, and between two of them it does not."""
-    found = exact.timoshenko_frequencies(ends, 4, 1.0, 1.0, 1.0 / S, 1.0, R)
-    edges = np.concatenate([[0.05 * found[0]], found])
-    for low, high in pairwise(edges):
-        inside = np.linspace(low * (1 + 1e-7), high * (1 - 1e-7), 60)
-        signs = np.sign([end_determinant(ends, b, S, R) for b in inside])
-        assert (signs == signs[0]).all()
-        assert np.sign(end_determinant(ends, high * (1 + 1e-7), S, R)) == -signs[0]
-
-
-def test_timoshenko_frequencies_pinned_have_both_spectra_and_the_shear_mode():
-    """Closed form: b⁴RS − b² (1 + k²(R + S)) + k⁴ = 0 with k = nπ, twice; and b² = 1/RS at w = 0."""
-    S, R = 0.05, 0.025
-    k2 = (np.pi * np.arange(1, 12)) ** 2
-    sums, roots = 1.0 + k2 * (R + S), np.sqrt((1.0 + k2 * (R + S)) ** 2 - 4.0 * R * S * k2**2)
-    squares = np.sort(np.concatenate([sums - roots, sums + roots, [2.0]]) / (2.0 * R * S))
-    found = exact.timoshenko_frequencies("pinned-pinned", 10, 1.0, 1.0, 1.0 / S, 1.0, R)
-    assert_allclose(found, np.sqrt(squares[:10]), rtol=1e-10)
-
-
-@pytest.mark.parametrize("ends", BENDING)
-def test_timoshenko_frequencies_tend_to_euler_bernoullis_at_first_order_in_the_gyration_squared(ends):
-    slender = exact.euler_bernoulli_frequencies(ends, 4, 1.0, 1.0, 1.0)
-    gaps = [
-        1.0 - exact.timoshenko_frequencies(ends, 4, 1.0, 1.0, 1.0 / S, 1.0, 0.5 * S) / slender
-        for S in (1e-4, 1e-5)
-    ]
-    assert (gaps[1] > 0.0).all()
-    assert (gaps[1] < 4e-3).all()
-    for a, b in pairwise(gaps):
-        assert_allclose(np.log10(a / b), 1.0, atol=0.02)
-
 
 @pytest.mark.parametrize(
     ("ends", "wave_numbers"),
@@ -434,51 +313,6 @@ def test_euler_bernoulli_frequencies_equal_the_published_wave_numbers(ends, wave
     assert_allclose(found[:3], np.square(wave_numbers) * scale, rtol=1e-14)
     spacing = np.diff(np.sqrt(found / scale))
     assert_allclose(spacing[4:], np.pi, rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("ends", "wave_numbers"),
-    [("clamped-free", (0.5, 1.5)), ("free-free", (1, 2)), ("clamped-clamped", (1, 2))],
-)
-def test_axial_frequencies_equal_those_of_a_spectral_method(ends, wave_numbers):
-    """Second road: Rayleigh-Ritz in polynomials."""
-    n = 24
-    x, w = gauss(n + 4)
-    powers = np.polynomial.legendre.legvander(2.0 * x - 1.0, n)
-    slopes = np.polynomial.legendre.legder(np.eye(n + 1)) * 2.0
-    derivative = np.polynomial.legendre.legvander(2.0 * x - 1.0, n - 1) @ slopes
-    bubble = {"clamped-free": x, "free-free": np.ones_like(x), "clamped-clamped": x * (1.0 - x)}[ends]
-    bubble_slope = {"clamped-free": 1.0 + 0 * x, "free-free": 0 * x, "clamped-clamped": 1.0 - 2.0 * x}[ends]
-    u, du = powers * bubble[:, None], derivative * bubble[:, None] + powers * bubble_slope[:, None]
-    squares = np.sort(np.linalg.eigvals(np.linalg.solve(u.T * w @ u, du.T * w @ du)).real)
-    elastic = np.sqrt(squares[squares > 1e-3][:2])
-    found = exact.axial_frequencies(ends, 2, 2.0, 5.0, 0.3)
-    assert_allclose(found, elastic * np.sqrt(5.0 / 0.3) / 2.0, rtol=1e-10)
-    assert_allclose(found, np.pi * np.array(wave_numbers) * np.sqrt(5.0 / 0.3) / 2.0, rtol=1e-14)
-
-
-# -------------------------------------------------------------------------------------------- pendulums
-
-
-@pytest.mark.parametrize("amplitude", [0.01, -1.2, 3.1])
-def test_pendulum_satisfies_its_equation(amplitude):
-    pendulum = exact.Pendulum(0.7, amplitude, 9.81)
-    t = np.linspace(0.0, 1.7 * pendulum.period, 30)
-    run = solve_ivp(
-        lambda _, y: [y[1], -9.81 / 0.7 * np.sin(y[0])], (0.0, t[-1]), [amplitude, 0.0], "DOP853", t,
-        rtol=1e-13, atol=1e-14, max_step=pendulum.period / 200.0,
-    )  # fmt: skip
-    assert_allclose(pendulum.angle(t), run.y[0], rtol=0, atol=1e-9)
-    assert_allclose(pendulum.rate(t), run.y[1], rtol=0, atol=1e-8)
-
-
-def test_pendulum_period_equals_its_series():
-    """T/T₀ = 1 + θ²/16 + 11 θ⁴/3072 + …; and 1.18034 at a right angle."""
-    small = 2.0 * np.pi * np.sqrt(2.0 / 9.81)
-    assert exact.Pendulum(2.0, 0.2).period == pytest.approx(
-        small * (1 + 0.04 / 16 + 11 * 0.0016 / 3072), rel=1e-7
-    )
-    assert exact.Pendulum(2.0, np.pi / 2).period == pytest.approx(1.1803405990 * small, rel=1e-10)
 
 
 # ----------------------------------------------------------------------------------------------- scenes
@@ -508,31 +342,13 @@ def test_a_scene_becomes_its_cantilever(model):
 
 @pytest.mark.parametrize("model", ["elastica", "director"])
 def test_the_cantilevers_of_the_study_are_resolved_to_rounding(model):
-    """L/h = 400, PL²/EI = 0.5, 1, 3, 10."""
+    """L/h = 400, PL²/EI = 0.5 and 10."""
     bending = 1e9 * 0.01 * 0.005**3 / 12
-    for load in (0.5, 1.0, 3.0, 10.0):
+    for load in (0.5, 10.0):
         shape = exact.cantilever_static(scene(loads=[Force("beam.end", (-load * bending / 4, 0.0))]), model)
-        x, y, _ = exact.inextensible_tip(load)
-        assert_allclose(shape.position(1.0), (1.0 - 2.0 * y, 1.0 + 2.0 * x), rtol=0, atol=3e-5)
+        x, y = exact.solve_rod(Cantilever(2.0, force=(0.0, load / 4.0)), Rigidity(1.0)).position(1.0)
+        assert_allclose(shape.position(1.0), (1.0 - y, 1.0 + x), rtol=0, atol=3e-5)
         assert shape.uncertainty < 1e-12
-
-
-def test_solution_holds_both_states_and_the_energies():
-    flag = scene(loads=[Torque("beam.end", 0.1)])
-    solution = exact.solve_static(flag)
-    assert solution.solver == "exact-elastica"
-    assert solution.status.ok
-    assert_allclose(solution.position("beam", 0.5)[0], (1.0, 2.0), atol=1e-15)
-    bending = 1e9 * 0.01 * 0.005**3 / 12
-    assert_allclose(
-        solution.displacement("beam.end")[1] + (0.0, 2.0),
-        exact.moment_arc(2.0, bending, 0.1, 1.0)[::-1] * (-1.0, 1.0),
-        atol=1e-13,
-    )
-    turn = 2.0 * 0.1 / bending
-    assert solution.energy.strain[1] == pytest.approx(0.05 * turn)
-    assert solution.energy.work[1] == pytest.approx(0.1 * turn)
-    assert solution.energy.potential[1] == 0.0
 
 
 def two_beams():
@@ -544,7 +360,7 @@ def two_beams():
     ("flag", "message"),
     [
         (lambda: scene(bodies=two_beams()), "2 bodies .*'beam', 'other'"),
-        (lambda: scene(joints=()), r"joints \(\); .*beam.start"),
+        (lambda: scene(joints=()), r"joints \(\), .*beam.start"),
         (lambda: scene(joints=(Clamp("beam.end"),)), "Clamp.*beam.end"),
         (lambda: scene(joints=(Pin("beam.start"),)), "Pin.*has an exact static"),
         (lambda: scene(joints=(Clamp("beam.start"), Pin("beam.end"))), "Pin"),
@@ -565,17 +381,9 @@ def test_scenes_without_an_exact_solution_are_refused(flag, message):
         (lambda: Rigidity(-1.0), PropertyError, "bending.*-1.0"),
         (lambda: Rigidity(1.0, axial=0.0), PropertyError, "axial.*0.0"),
         (lambda: Rigidity(1.0, shear=float("nan")), PropertyError, "shear.*nan"),
-        (lambda: exact.inextensible_tip(0.0), PropertyError, "load"),
-        (lambda: exact.inextensible_tip(1e6), PropertyError, "load"),
-        (lambda: exact.poisson_locking_factor(0.5), PropertyError, "poisson.*0.5"),
         (lambda: exact.euler_bernoulli_frequencies("pinned-free", 1, 1, 1, 1), AnctmmError, "pinned-free"),
         (lambda: exact.euler_bernoulli_frequencies("free-free", 0, 1, 1, 1), AnctmmError, "count is 0"),
         (lambda: exact.axial_frequencies("free-free", 1, -1, 1, 1), PropertyError, "length.*-1"),
-        (lambda: exact.timoshenko_frequencies("free-free", 1, 1, 1, 0, 1, 1), PropertyError, "shear.*0"),
-        (lambda: exact.Pendulum(1.0, np.pi), PropertyError, "amplitude"),
-        (lambda: exact.bar_reduced_length(1.0, -0.1), PropertyError, "gyration"),
-        (lambda: exact.solve_director(*loaded(9, 0, 1), degree=0), DiscretisationError, "degree is 0"),
-        (lambda: exact.solve_director(*loaded(9, 0, 1), breaks=[0, 2]), DiscretisationError, "breaks"),
     ],
 )
 def test_bad_input_is_named(call, error, message):

@@ -1,7 +1,7 @@
 """The global solver by its public face: invariants, energy, order, its two linear algebras, statics, other models."""
 
 from dataclasses import replace
-from math import cos, pi, sin
+from math import cos, pi
 
 import numpy as np
 import pytest
@@ -10,10 +10,9 @@ from small_scenes import ROD, RUBBER, swing
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import DiscretisationError, MeshError
 from anctmm.model.bodies import distance
-from anctmm.model.drives import Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
+from anctmm.model.drives import Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Weld
 from anctmm.model.sections import Circle, Rectangle
 from anctmm.results.metrics import compare
 from reference import global_dae
@@ -75,38 +74,6 @@ def test_stiff_pendulum_swings_as_a_rigid_one():
     assert np.abs(s.position("bar", 0.0)).max() < 1e-14
 
 
-@pytest.mark.parametrize(("element", "dt"), [("cable", 2e-5), ("shear", 1e-5)])
-def test_energy_balance_closes_with_the_square_of_the_step(element, dt):
-    """Drive work, kinetic and strain energy of the driven four-bar (explicit)."""
-    gaps = [
-        np.abs(global_dae.solve(four_bar(), zhai(MESH, h, 0.4, 0.02, element=element)).energy.balance).max()
-        for h in (dt, dt / 2)
-    ]
-    assert 3.5 < gaps[0] / gaps[1] < 4.5
-    assert gaps[0] < 2e-8
-
-
-def test_energy_balance_with_torque_and_force_of_time():
-    scene = bar([Pin("bar.start")], [Torque("bar.start", Pulse(1.0, 0.1)), Force("bar.end", lambda t: (0.0, 5 * t))],
-                gravity=(0.0, -9.81))  # fmt: skip
-    gaps = [np.abs(global_dae.solve(scene, zhai(2, h, 0.1, 0.01)).energy.balance).max() for h in (2e-5, 1e-5)]
-    assert 3.5 < gaps[0] / gaps[1] < 4.5
-    assert gaps[1] < 2e-7
-
-
-def test_implicit_converges_to_explicit_at_second_order():
-    scene = bar([Clamp("bar.start", Quintic(pi / 4, 0.2))], gravity=(0.0, -9.81))
-    fine = global_dae.solve(scene, zhai(2, 1e-5, 0.2, 0.02))
-    errors = [
-        compare(
-            global_dae.solve(scene, implicit(2, h, 0.2, 0.02, newton_tolerance=1e-12)), fine, ["bar.end"]
-        ).error
-        for h in (5e-4, 2.5e-4)
-    ]
-    assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1
-    assert errors[1] < 1e-4
-
-
 @pytest.mark.parametrize(
     "element", ["cable", "shear", {"crank": "shear", "coupler": "cable", "follower": "shear"}]
 )
@@ -123,14 +90,8 @@ def test_dense_and_sparse_agree_to_rounding(element):
     assert sparse.cost.factorizations < dense.cost.factorizations == dense.cost.newton_iterations
 
 
-def test_mixed_elements_count_only_their_own_coordinates():
-    element = {"crank": "shear", "coupler": "cable", "follower": "shear"}
-    found = global_dae.solve(four_bar(), implicit(MESH, 1e-3, 1e-3, element=element))
-    assert found.dofs == 2 * (3 * 3 + 2 * 9 + 3 * 3)
-
-
 @pytest.mark.parametrize(
-    "run", [zhai(MESH, 2e-5, 0.1, 0.01), implicit(MESH, 1e-3, 0.1, 0.01, newton_tolerance=1e-12)]
+    "run", [zhai(MESH, 2e-5, 0.02, 0.01), implicit(MESH, 1e-3, 0.1, 0.01, newton_tolerance=1e-12)]
 )
 def test_order_and_direction_of_bodies_do_not_matter(run):
     usual = global_dae.solve(four_bar(), run)
@@ -157,22 +118,6 @@ def test_weld_of_two_halves_is_one_body(opposite, element):
         assert np.abs(gap).max() < 1e-10
 
 
-def test_weld_at_an_angle_keeps_it():
-    """A bent frame: x and y mix in the weld, so both run through one matrix."""
-    bodies = [Beam("a", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT),
-              Beam("b", (1.0, 0.0), (1.0 + 0.5 * cos(1.0), 0.5 * sin(1.0)), SQUARE, SOFT)]  # fmt: skip
-    scene = Scene("frame", bodies, [Clamp("a.start"), Weld("a.end", "b.start")], gravity=(0.0, -9.81))
-    for run in (zhai(2, 2e-5, 0.1, 0.01), implicit(2, 1e-3, 0.1, 0.01)):
-        s = global_dae.solve(scene, run)
-        a, b = (s.fields[n].coordinates[:, i, 1] @ [1.0, 1.0j] for n, i in (("a", -1), ("b", 0)))
-        assert np.abs(b - a * np.exp(1.0j)).max() < 1e-12
-        assert np.abs(s.energy.balance).max() < 1e-2 * np.abs(s.energy.potential).max()
-    static = global_dae.solve_static(scene, mesh=2)
-    slow = np.abs(static.displacement("b.end")[-1]).max()
-    assert static.status.ok
-    assert slow > 0.01
-
-
 @pytest.mark.parametrize("element", ["cable", "shear"])
 def test_static_cantilever_under_a_small_load_is_a_linear_beam(element):
     """Tip deflection F L³/(3 E I), with F L/(G A) for shear; the shear element converges at second order only."""
@@ -184,24 +129,6 @@ def test_static_cantilever_under_a_small_load_is_a_linear_beam(element):
     assert s.status.ok
     assert deflection == pytest.approx(F / (3 * EI) + shear, rel=1e-6 if element == "cable" else 2e-3)
     assert s.t.tolist() == [0.0, 1.0]
-
-
-def test_static_is_where_damped_motion_settles():
-    """Numerical damping at ρ∞ = 0 and steps of the lowest period's order end the motion under gravity."""
-    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
-    rest = global_dae.solve_static(scene, mesh=4).displacement("bar.end")[-1]
-    moved = global_dae.solve(scene, implicit(4, 0.5, 100.0, 50.0, spectral_radius=0.0)).displacement(
-        "bar.end"
-    )[-1]
-    assert np.abs(rest).max() > 0.002
-    assert np.allclose(moved, rest, rtol=0.0, atol=1e-9)
-
-
-def test_static_that_cannot_stand_says_so_and_keeps_the_start():
-    s = global_dae.solve_static(bar(gravity=(0.0, -9.81)), mesh=2)
-    assert s.status == "diverged"
-    assert s.t.tolist() == [0.0]
-    assert "bar" in s.status.message
 
 
 # --- other models of one scene --------------------------------------------------------------------------------
@@ -223,43 +150,3 @@ def test_rigid_bars_tend_to_those_of_anc_tmm():
     )
     assert two.error < 1e-9
     assert one.error / two.error == pytest.approx(8.0, rel=0.1)
-
-
-@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
-def test_reactions_of_beams_are_those_of_anc_tmm(integrator):
-    run = {"mesh": 2, "integrator": integrator, "dt": 1e-4, "t_end": 0.01, "output_dt": 1e-3}
-    scene = bars()
-    ours, dae = at.solve(scene, **run), global_dae.solve(scene, **run)
-    for joint in scene.joints:
-        one, two = ours.reaction(joint), dae.reaction(joint)
-        np.testing.assert_allclose(one, two, atol=1e-7 * np.abs(two).max())
-
-
-def test_a_point_mass_is_a_rigid_body_without_turning():
-    def scene(body):
-        spring = at.Spring(f"{body.name}.center", (0.3, 0.8), stiffness=30.0, damping=0.1, length=0.5)
-        return at.Scene("hung", [body], connectors=[spring], gravity=(0, -9.81))
-
-    run = {"dt": 1e-3, "t_end": 0.5}
-    one = global_dae.solve(scene(at.PointMass("m", 0.2, (0, 0))), **run)
-    two = global_dae.solve(scene(at.RigidBody("m", 0.2, 1.0, (0, 0))), **run)
-    assert at.compare(one, two, ["m.center"]).error < 1e-12
-
-
-def test_a_line_load_is_weight():
-    beam = at.Beam("b", (0, 0), (1, 0), ROD, RUBBER)
-    load = at.LineLoad("b", (0, -9.81 * RUBBER.density * ROD.area))
-    run = {"mesh": 3, "dt": 1e-3, "t_end": 0.05}
-    hung = at.Scene("hung", [beam], [at.Clamp("b.start")], gravity=(0, -9.81))
-    loaded = at.Scene("loaded", [beam], [at.Clamp("b.start")], [load])
-    assert at.compare(global_dae.solve(loaded, **run), global_dae.solve(hung, **run), ["b.end"]).error < 1e-9
-
-
-def test_bad_discretisations_are_refused_by_name():
-    scene = bar([Clamp("bar.start")])
-    with pytest.raises(DiscretisationError, match="'colour'"):
-        global_dae.solve(scene, mesh=2, colour=3)
-    with pytest.raises(DiscretisationError, match="'path'"):
-        global_dae.solve_static(scene, mesh=2, path="arclength")
-    with pytest.raises(MeshError, match="every beam"):
-        global_dae.solve(scene, mesh={"beam": 2})

@@ -11,9 +11,9 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
-from reference import exudyn_cable, exudyn_reissner, global_dae
+from reference import exudyn_cable, global_dae
 from reference.global_dae.layout import Layout
-from reference.global_dae.stability import free_motions, highest
+from reference.global_dae.stability import free_motions
 from reference.global_dae.system import System
 
 O = (0.0, 0.0)  # noqa: E741
@@ -92,12 +92,6 @@ def system_of(scene, run):
     return System(Layout(scene, run))
 
 
-def jacobian(system):
-    """Of the constraints in the reference."""
-    c = system.constraints
-    return c.jacobian(system.layout.reference, c.parameters(0.0)).toarray()
-
-
 def null_space(system):
     """Motions that the constraints allow in the reference."""
     return free_motions(system, system.layout.reference, system.constraints.parameters(0.0))
@@ -143,16 +137,7 @@ def test_equilibrium_equals_exudyn(name):
     assert gap(own, peer, -1) < 1e-8
 
 
-@pytest.mark.parametrize("name", ["Y welded", "Y of both", "Y turned", "square welded"])
-def test_reissner_beams_join_as_cables_do(name):
-    """Another model of thin beams, so near but not equal."""
-    run = Discretisation(mesh=4, **TIGHT)
-    cables, beams = exudyn_cable.solve(SCENES[name], run), exudyn_reissner.solve(SCENES[name], run)
-    assert (cables.status.ok, beams.status.ok) == (True, True)
-    assert gap(cables, beams) < 0.1 * way(cables)
-
-
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_random_graphs_equal_exudyn(seed):
     scene, run = random_graph(
         seed, Kinds(elements=("cable",)), dt=1e-3, output_dt=5e-3, newton_tolerance=1e-12
@@ -163,7 +148,7 @@ def test_random_graphs_equal_exudyn(seed):
     assert gap(own, peer) < 1e-9
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_random_structures_rest_where_exudyn_says(seed):
     scene, run = random_graph(seed, Kinds(structure=True, elements=("cable",)), newton_tolerance=1e-12)
     own, peer = global_dae.solve_static(scene, run), exudyn_cable.solve_static(scene, run)
@@ -234,56 +219,6 @@ def test_joints_of_many_ends_are_those_of_pairs_in_any_order(integrator, element
             same = fork(kind(one, two), kind(two, three))
             assert gap(usual, global_dae.solve(same, run)) < 1e-12
         assert gap(usual, global_dae.solve(fork(kind(*ends[::-1])), run)) < 1e-12
-
-
-@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
-def test_both_linear_algebras_agree(integrator):
-    dt = {"zhai": 2e-5, "generalized-alpha": 1e-3}[integrator]
-    for name in ("Y of both", "square welded"):
-        run = Discretisation(mesh=1, integrator=integrator, dt=dt, t_end=50 * dt, newton_tolerance=1e-12)
-        sparse, dense = global_dae.solve(SCENES[name], run), global_dae.solve_dense(SCENES[name], run)
-        assert gap(sparse, dense) < 1e-11
-
-
-def test_explicit_steps_keep_a_driven_junction_closed():
-    """Clamped, welded and hinged ends at one place: the projection removes what the steps leave open."""
-    first = Clamp("a.end", Quintic(0.5, 0.02))
-    scene = fork(Weld("b.start", "a.end"), Pin("c.end", "b.start"), first=first, gravity=DOWN)
-    run = Discretisation(mesh=2, integrator="zhai", dt=1e-5, t_end=0.02, output_dt=1e-3)
-    s = global_dae.solve(scene, run)
-    assert s.status.ok
-    for body, fraction in (("a", 1.0), ("b", 0.0), ("c", 1.0)):
-        assert np.abs(s.position(body, fraction)).max() < 1e-14
-    angle, _, _ = first.angle(s.t)
-    turn = np.exp(1j * angle)
-    for body, node in (("a", -1), ("b", 0)):
-        g = s.fields[body].coordinates[:, node, 1] @ [1.0, 1.0j]
-        assert np.abs(g - turn * g[0]).max() < 1e-14
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_null_space_is_whole(seed):
-    """Φ Z = 0, and coordinates, rows and what is free add up: no row of a scene repeats others."""
-    system = system_of(*random_graph(seed))
-    Z, phi = null_space(system), jacobian(system)
-    assert Z.shape[1] + phi.shape[0] == system.size
-    if phi.shape[0]:
-        assert np.abs(phi @ Z).max(initial=0.0) < 1e-13
-        assert np.linalg.matrix_rank(phi) == phi.shape[0]
-
-
-def test_stability_limit_is_that_of_the_joined_scene():
-    """Hinges of many ends do not raise the highest frequency; a finer body does."""
-    scene, run = SCENES["Y hinged"], Discretisation(mesh=2)
-    whole = highest(system_of(scene, run))[0]
-    parts = max(highest(system_of(Scene("part", [b]), run))[0] for b in scene.bodies)
-    assert 0.5 * parts < whole <= parts * (1.0 + 1e-9)
-
-
-def test_free_loops_have_no_equilibrium_and_say_so():
-    s = global_dae.solve_static(Scene("free", square(Weld).bodies, square(Weld).joints, gravity=DOWN), mesh=1)
-    assert s.status.code == "diverged"
-    assert "free to move" in s.status.message
 
 
 def test_weld_of_many_ends_needs_one_element_kind():

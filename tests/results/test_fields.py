@@ -40,7 +40,6 @@ def test_a_driven_section_has_the_angle_and_rate_of_its_drive(solve, element):
     found = solve(scene, run)
     wanted = np.array([scene.joints[0].angle(t)[0] for t in found.t])
     assert wanted[-1] == pytest.approx(4.0 * pi)
-    # outputs are up to 1.5 rad apart at the clamp and the tip turns faster: whole turns must not be lost
     np.testing.assert_allclose(found.angle("beam.start"), wanted, atol=1e-12)
     assert abs(found.angle("beam.end")[-1] - 4.0 * pi) < pi
     np.testing.assert_allclose(found.velocity("beam.start"), 0.0, atol=1e-12)
@@ -61,15 +60,8 @@ def test_a_spinning_bar_moves_as_a_rigid_one(solve):
     found = solve(free_bar(), at.Discretisation(mesh=2, dt=1e-3, t_end=2.0, output_dt=0.4))
     angle = found.angle("bar", 0.5)
     np.testing.assert_allclose(angle, SPIN * found.t, rtol=1e-3)
-    arm = 0.5 * np.array([0.5, 0.2])
-    turned = np.stack(
-        [
-            np.cos(angle) * arm[0] - np.sin(angle) * arm[1],
-            np.sin(angle) * arm[0] + np.cos(angle) * arm[1],
-        ],
-        axis=1,
-    )
-    wanted = [1.0, 0.0] + SPIN * np.stack([-turned[:, 1], turned[:, 0]], axis=1)
+    turned = np.exp(1j * angle) * (0.25 + 0.1j)
+    wanted = [1.0, 0.0] + SPIN * np.stack([-turned.imag, turned.real], axis=1)
     np.testing.assert_allclose(found.velocity("bar.end"), wanted, atol=2e-2)
 
 

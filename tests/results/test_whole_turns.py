@@ -35,7 +35,6 @@ def often():
 
 @pytest.mark.parametrize("output", [1.0, 2.0])
 def test_turns_from_rest_to_rest_are_those_of_the_drive(often, output):
-    """The angle was that without the turn, and so the springs' moments."""
     rare = at.solve(crank(), mesh=1, dt=0.02, t_end=2.0, output_dt=output)
     assert rare.status.ok
     assert rare.angle("arm.start")[-1] == pytest.approx(2.0 * pi, abs=1e-9)
@@ -92,7 +91,6 @@ def swinging():
     return at.Scene("swinging", [plate, arm], joints, gravity=(0, -9.81))
 
 
-#: Python takes these steps, but of soft arms, which need smaller ones: those are for long looks, compiled.
 STEPS = {
     "zhai": {"integrator": "zhai", "dt": 2e-3},
     "alpha": {"integrator": "generalized-alpha", "dt": 2e-3},
@@ -115,7 +113,6 @@ def angles(solution):
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("make", [pendulum, double, pytest.param(swinging, marks=LONG)])
 def test_turns_of_what_is_free_to_turn_are_counted_in_the_steps(make, steps):
-    """They were guessed from the rates at outputs: a pendulum seen once a period was wrong by four turns."""
     scene, run = make(), {"mesh": 2, **SOFT[steps]} if make is swinging else STEPS[steps]
     often = at.solve(scene, t_end=2.4, output_dt=0.02, **run)
     rare = at.solve(scene, t_end=2.4, output_dt=1.2, **run)

@@ -221,7 +221,6 @@ def test_what_is_not_offered_in_space_is_refused_by_name(case):
 PLANAR = {
     "angle": lambda found: found.angle("ball"),
     "spin": lambda found: found.spin("ball"),
-    "reaction": lambda found: found.reaction(found.scene.joints[0]),
     "table": lambda found: found.to_frame(["ball.a"]),
     "data set": lambda found: found.to_dataset(),
     "picture": lambda found: found.plot(),

@@ -10,23 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from anctmm.results.checks.breaks import break_findings
 from anctmm.results.checks.constraints import constraint_findings
-from anctmm.results.checks.drives import drive_findings
 from anctmm.results.checks.energy import energy_findings
 from anctmm.results.checks.finding import FATAL, Finding
+from anctmm.results.checks.histories import break_findings, drive_findings
 from anctmm.results.checks.precision import precision_findings
 from anctmm.results.checks.shapes import STRETCH_LIMIT, inside_out, shape_findings
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 
 __all__ = ["STRETCH_LIMIT", "checked", "inside_out"]
-
-Check = Callable[[Solution], Iterable[Finding]]
-#: Of all solutions.
-ALWAYS: tuple[Check, ...] = (shape_findings, constraint_findings)
-#: Of motions that their solver knows nothing against.
-MOTIONS: tuple[Check, ...] = (break_findings, drive_findings)
 
 
 def checked(
@@ -35,28 +28,18 @@ def checked(
     """The solution as far as nothing speaks against it, its status saying what does.
 
     It is cut before the first output that no run of the scene could have, with the status "diverged" or "failed", or
-    whole with the status "inaccurate" or "imprecise".
-
-    Parameters
-    ----------
-    solution : Solution
-        Of any solver.
-    static : bool
-        Whether its times are load factors.
-    energies : bool
-        Whether energies are exact enough to tell whether a run has made some.
-    rests : bool
-        Whether the scene begins in a stable equilibrium and so does not move.
+    whole with the status "inaccurate" or "imprecise". `static`: its times are load factors; `energies`: they are exact
+    enough to tell whether a run has made some; `rests`: the scene begins in a stable equilibrium and does not move.
     """
     motion = not static and solution.status.ok and solution.t.size > 0
     if not static and not solution.status.ok and solution.run is not None and solution.run.explicit:
         return solution  # an unstable step shows in all checks; its solver knows it best
-    flat = solution.scene.dim == 2
-    checks = [*ALWAYS, *(MOTIONS if motion and flat else ())]
+    checks: list[Callable[[Solution], Iterable[Finding]]] = [shape_findings, constraint_findings]
+    checks += [break_findings, drive_findings] if motion else []
     checks += [energy_findings] if motion and energies else []
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
         found = [finding for check in checks for finding in check(solution)]
-        if motion and flat and not found:
+        if motion and not found:
             found = list(precision_findings(solution, rests))
     if not found:
         return solution

@@ -15,7 +15,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.kinds import kind_of
 from anctmm.model.connectors import Spring
-from anctmm.results.checks.finding import Finding, most_stretched
+from anctmm.model.scene import Scene
+from anctmm.results.checks.finding import Finding
 from anctmm.results.checks.scales import EPS, drive_rates, is_driven, mass_of, reach_of, work_of_loads
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy, Solution
@@ -28,33 +29,32 @@ Mask = NDArray[np.bool_]
 NOWHERE = 0.85
 #: The same of an implicit run, or one of rigid bodies, that is inaccurate: nothing there shows more energy than it has.
 INACCURATE = 0.1
-#: How many times the energy there ever was may seem to have come from nowhere and gone to dampers and laws, whose work
-#: is summed over long times, in an explicit run.
-ABSORBED = 100.0
 #: Part of the energy exchanged with loads, weight and drives that numerical dissipation may take besides: a load that
 #: is applied at once leaves a vibration with half of its work, and bringing that to rest is what dissipation is for.
 SETTLED = 0.5
-#: Errors of strain that rounding of positions makes in a long run, and roundings of positions in a step that make
-#: speeds, in units of one rounding; what Newton's iteration may leave of its tolerance.
-STRAINS, SPEEDS, NEWTON = 1e3, 10.0, 0.01
+#: How many times the energy there ever was may seem to have come from nowhere and gone to dampers and laws, whose work
+#: is summed over long times, in an explicit run.
+ABSORBED = 100.0
 #: Outputs below which they may miss energy exchanged between them.
 FEW = 32
 
 
 def energy_findings(solution: Solution) -> Iterator[Finding]:
-    """What a run's energies say against it."""
+    """The first output at which energy has come from nowhere, or vanished."""
     run, energy = solution.run, solution.energy
     if run is None or solution.t.size < 2:
         return
     with np.errstate(invalid="ignore"):
-        much = INACCURATE * np.maximum.accumulate(all_energy(energy))
-        if (np.abs(energy.balance) > much).any() or (energy.dissipated < -much).any():  # nearly never
-            yield from _Account(solution, run).findings()
-
-
-def all_energy(energy: Energy) -> Array:
-    """All energy present or exchanged at each output, (n,), J."""
-    return _stored(energy) + np.abs(energy.work)  # type: ignore[no-any-return]
+        present = _stored(energy) + np.abs(energy.work)
+        if not (np.abs(energy.balance) > INACCURATE * np.maximum.accumulate(present)).any():
+            return  # nearly always: what follows looks at all loads and drives
+        for code, wrong in _wrong(solution, run):
+            if wrong.any():
+                k = int(wrong.argmax())
+                error = float(energy.balance[k])
+                verb = "was created by numerical error" if error > 0.0 else "vanished"
+                sizes = f"{abs(error):.3g} J of {present[: k + 1].max():.3g} J {verb} until {{when}}"
+                yield Finding(k, code, f"{sizes}: {_advice(run, error > 0.0)}")
 
 
 def _stored(energy: Energy) -> Array:
@@ -62,133 +62,70 @@ def _stored(energy: Energy) -> Array:
     return np.abs(energy.kinetic + energy.strain) + np.abs(energy.potential)  # type: ignore[no-any-return]
 
 
-class _Account:
-    """Where the energy of a run has come from and gone to.
+def _wrong(solution: Solution, run: Discretisation) -> Iterator[tuple[str, Mask]]:
+    """Outputs at which the energy is wrong, by the code of the status."""
+    scene, energy = solution.scene, solution.energy
+    few = _exchangeable(scene, run) if solution.t.size < FEW else 0.0
 
-    What damping takes within the first step of a motion that it stops at once is known badly: the mean force times the
-    displacement is many times the energy there was. So no more counts as taken than others have brought.
+    def most(series: Array) -> Array:
+        return np.maximum(np.maximum.accumulate(series), few)
+
+    balance, stored = energy.balance, _stored(energy)
+    exchanged = np.abs(energy.potential) + np.abs(energy.work)
+    present = most(stored + np.abs(energy.work))
+    damped = any(c.law is not None or c.damping > 0.0 for c in scene.connectors)
+    damped |= any(beam.material.damping > 0.0 for beam in scene.beams)
+    # Within the first step of a motion that damping stops at once, the mean force times the displacement is many times
+    # the energy there was: no more counts as taken than others have brought.
+    taken = np.fmax(energy.dissipated, np.maximum(-energy.work, 0.0)) if damped else 0.0
+    made = balance - taken
+    diverged = made > NOWHERE * present
+    if run.explicit and damped:
+        diverged |= balance - balance[1] > ABSORBED * most(stored)
+    significant = np.abs(balance) > _noise(solution, run)
+    yield "diverged", diverged & significant
+
+    vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
+    if run.explicit and vibrates:
+        return
+    inaccurate = made > INACCURATE * present
+    if not run.explicit or not damped:
+        settles = vibrates and (damped or not _keeps_energy(run))
+        inaccurate |= -balance > INACCURATE * present + (SETTLED * most(exchanged) if settles else 0.0)
+    inaccurate[:-1] &= inaccurate[
+        1:
+    ]  # what is gone at the next output was a start that the step does not resolve
+    yield "inaccurate", inaccurate & significant
+
+
+def _noise(solution: Solution, run: Discretisation) -> float:
+    """Energy, J, of what rounding and Newton's tolerance leave, and of what a tolerance allows.
+
+    Positions are wrong by so much, strains by that over the length of an element, speeds by that over a step; loads and
+    weight do work on it.
     """
-
-    def __init__(self, solution: Solution, run: Discretisation) -> None:
-        scene = solution.scene
-        self.solution, self.run, self.energy = solution, run, solution.energy
-        self.laws = any(c.law is not None for c in scene.connectors)
-        dampers = self.laws or any(c.damping > 0.0 for c in scene.connectors)
-        self.damped = dampers or any(body.material.damping > 0.0 for body in scene.beams)
-        bend = any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
-        #: Whether anything can vibrate.
-        self.vibrates = bool(scene.connectors) or bend
-        self.few = _exchangeable(solution, run)
-        self.noise = max(noise(solution, run), _allowed(solution, run))
-
-    def findings(self) -> Iterator[Finding]:
-        """What is wrong, the worst first."""
-        with np.errstate(invalid="ignore"):
-            for code, wrong in (("diverged", self._diverged()), ("inaccurate", self._inaccurate())):
-                if wrong.any():
-                    k = int(wrong.argmax())
-                    balance, present = float(self.energy.balance[k]), all_energy(self.energy)[: k + 1].max()
-                    verb = "was created by numerical error" if balance > 0.0 else "vanished"
-                    share = "nearly all energy" if code == "diverged" else "much of the energy"
-                    sizes = f"({abs(balance):.3g} J of {present:.3g} J)"
-                    advice = _advice(self.run, balance > 0.0)
-                    yield self._finding(k, code, f"{share} at {{when}} {verb} {sizes}", advice)
-            if (given := self._given()).sum() > 1:
-                k = int(np.where(given, -self.energy.dissipated, 0.0).argmax())
-                given_energy = f"{-self.energy.dissipated[k]:.3g} J"
-                what = f"damping, which can only take energy, has given {given_energy} until {{when}}"
-                yield self._finding(k, "inaccurate", what, _advice(self.run, True))
-
-    def _finding(self, k: int, code: str, what: str, advice: str) -> Finding:
-        body, element, worst = most_stretched(self.solution, k)
-        return Finding(k, code, f"{what}{worst}: {advice}", body, element)
-
-    def _most(self, series: Array) -> Array:
-        """The largest value until each output, and at least what may have been exchanged between few of them."""
-        return np.maximum(np.maximum.accumulate(series), self.few)
-
-    @property
-    def _made(self) -> Array:
-        """Energy from nowhere at each output, (n,), J; with damping the least that it can be."""
-        energy = self.energy
-        taken = np.fmax(energy.dissipated, np.maximum(-energy.work, 0.0)) if self.damped else 0.0
-        return energy.balance - taken  # type: ignore[no-any-return]
-
-    def _diverged(self) -> Mask:
-        made, balance = self._made, self.energy.balance
-        found = (made > NOWHERE * self._most(all_energy(self.energy))) & (made > self.noise)
-        if self.run.explicit and self.damped:  # without the start, which damping stops at once
-            since = balance - balance[1]
-            found |= (since > ABSORBED * self._most(_stored(self.energy))) & (np.abs(balance) > self.noise)
-        return found  # type: ignore[no-any-return]
-
-    def _inaccurate(self) -> Mask:
-        run, energy, made = self.run, self.energy, self._made
-        if run.explicit and self.vibrates:
-            return np.zeros(len(made), dtype=bool)
-        exact = run.psi == run.phi == 0.5 if run.explicit else _keeps_energy(run)
-        size = np.abs(made) if exact and not self.damped else made
-        found = (size > INACCURATE * self._most(all_energy(energy))) & (np.abs(made) > self.noise)
-        if not run.explicit:
-            # damping can only take: what it seems to have given and what seems to have vanished is one error
-            given = 0.0 if self.laws else np.fmax(-energy.dissipated, 0.0)
-            work = np.abs(energy.work - given)
-            limit = INACCURATE * self._most(_stored(energy) + work)
-            if self.vibrates:
-                limit = limit + SETTLED * self._most(np.abs(energy.potential) + work)
-            found |= (-energy.balance - given > limit) & (np.abs(energy.balance) > self.noise)
-        found[:-1] &= found[1:]  # what is gone at the next output was a start that the step does not resolve
-        return found  # type: ignore[no-any-return]
-
-    def _given(self) -> Mask:
-        """Outputs until which damping, which can only take, has given energy, in fixed steps of generalized-α.
-
-        Their forces of damping are those of velocities that may alternate from step to step.
-        """
-        fixed = isinstance(self.run.method, GeneralizedAlpha) and self.run.tolerance is None
-        limit = np.maximum(INACCURATE * self._most(all_energy(self.energy)), self.noise)
-        return (-self.energy.dissipated > limit) & (fixed and not self.laws)  # type: ignore[no-any-return]
-
-
-def noise(solution: Solution, run: Discretisation) -> float:
-    """Energy, J, of what rounding and Newton's tolerance leave: a scene at rest has no other.
-
-    Positions of size R are wrong by ε R, or by what is left of the tolerance, and strains by that over the length of
-    an element. Loads and weight do work on that.
-    """
-    scene = solution.scene
-    left = 0.0 if run.explicit else NEWTON * run.newton_tolerance * scene.length
-    speed = SPEEDS * EPS * reach_of(scene) / run.exact_dt
-    total = max(STRAINS * EPS, left / scene.length) * work_of_loads(scene, run)
-    total += 0.5 * mass_of(scene) * speed**2
+    scene, energy = solution.scene, solution.energy
+    error = 1e3 * EPS * reach_of(scene)
+    left = 0.0 if run.explicit else 0.01 * run.newton_tolerance * scene.length
+    strain = max(1e3 * EPS, left / scene.length)
+    total = strain * work_of_loads(scene, run) + 0.5 * mass_of(scene) * (0.01 * error / run.exact_dt) ** 2
     for name, field in solution.fields.items():
-        if isinstance(field, HermiteField) and field.coordinates.size:
+        if isinstance(field, HermiteField):
             body, elements = scene.beam(name), field.coordinates.shape[1] - 1
-            reach = float(np.abs(field.coordinates[0, :, 0]).max())
-            strain = max(STRAINS * EPS * reach, left) * elements / field.length
+            strain = max(error, left) * elements / field.length
             total += 0.5 * body.material.E * body.section.area * field.length * strain**2
+    if run.tolerance is not None:
+        sizes = _stored(energy) + np.abs(energy.work)
+        total = max(total, run.tolerance * float(sizes[np.isfinite(sizes)].max(initial=0.0)))
     return total
 
 
-def _allowed(solution: Solution, run: Discretisation) -> float:
-    """Energy, J, by which a run with a tolerance may be wrong: that part of the largest there ever was.
-
-    A motion that has just begun has little energy, and all of it may be wrong by then.
-    """
-    present = all_energy(solution.energy)
-    most = float(present[np.isfinite(present)].max(initial=0.0))
-    return 0.0 if run.tolerance is None else run.tolerance * most
-
-
-def _exchangeable(solution: Solution, run: Discretisation) -> float:
-    """Energy, J, that drives, loads, connectors and weight may exchange between outputs that are few; 0 where many.
+def _exchangeable(scene: Scene, run: Discretisation) -> float:
+    """Energy, J, that drives, loads, connectors and weight may exchange between outputs.
 
     A crank that has come back to where it was, at rest, shows nothing of the energy that it had on its way. What a
     spring takes and gives back while nothing is driven is there at outputs, too, or comes from loads and weight.
     """
-    scene = solution.scene
-    if solution.t.size >= FEW:
-        return 0.0
     total = work_of_loads(scene, run)
     total += sum(0.5 * mass_of(scene) * (scene.length * rate) ** 2 for rate in drive_rates(scene, run))
     for connector in scene.connectors:
@@ -198,7 +135,9 @@ def _exchangeable(solution: Solution, run: Discretisation) -> float:
 
 
 def _keeps_energy(run: Discretisation) -> bool:
-    """Whether implicit steps have no numerical dissipation."""
+    """Whether steps have no numerical dissipation."""
+    if run.explicit:
+        return run.psi == run.phi == 0.5
     return isinstance(run.method, GeneralizedAlpha) and run.spectral_radius == 1.0
 
 
@@ -207,12 +146,10 @@ def _advice(run: Discretisation, created: bool) -> str:
     smaller = (
         f"smaller dt than {run.dt:g} s" if run.tolerance is None else f"tolerance below {run.tolerance:g}"
     )
-    why, other = "the steps are too long for the motion", ""
     if run.explicit:
-        why = f"an explicit step is above the stability limit, which deformation lowers, or {why}"
-    elif not created and not _keeps_energy(run):
+        why = "an explicit step is above the stability limit, or the steps are too long for the motion"
+    elif created or _keeps_energy(run):
+        why = "the steps are too long for the motion"
+    else:
         why = "numerical dissipation removes what the steps do not resolve"
-        other = " or a larger spectral_radius" if isinstance(run.method, GeneralizedAlpha) else ""
-    elif isinstance(run.method, GeneralizedAlpha):
-        other = ", a spectral_radius of 0.9 or less, or integrator='esdirk'"
-    return f"{why}; a {smaller}{other} may help"
+    return f"{why}; a {smaller} or integrator='esdirk' may help"

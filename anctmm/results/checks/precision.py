@@ -19,14 +19,12 @@ from anctmm.results.checks.scales import is_driven, load_sizes, mass_of, reach_o
 from anctmm.results.metrics import places_of
 from anctmm.results.solution import Solution
 
-#: Part of the largest displacement that rounding of positions may make before a run is imprecise.
-DISPLACED = 0.03
+#: Part of the largest displacement that roundings of positions, one a step, may make before a run is imprecise.
+DISPLACED = 0.015
 #: The same of forces: rounding of the stiffest body's, beside those that act.
 FORCED = 0.3
 #: Distance from the origin, of the length of all bodies, from which on positions lose digits to it.
 FAR = 1e3
-#: Roundings of positions in a step: explicit, and implicit, where Newton's iteration leaves more.
-EXPLICIT, IMPLICIT = 0.5, 2.0
 
 
 def precision_findings(solution: Solution, rests: bool = False) -> Iterator[Finding]:
@@ -34,37 +32,26 @@ def precision_findings(solution: Solution, rests: bool = False) -> Iterator[Find
 
     If it rests, displacements are rounding: this is compared with the length of all bodies.
     """
-    run, scene = solution.run, solution.scene
-    if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):
+    run, scene, last = solution.run, solution.scene, solution.t.size - 1
+    if run is None or last < 1 or not (solution.cost.steps and _acted_upon(scene)):
         return
-    yield from _findings(solution, run, scene.length if rests else _moved(solution))
-
-
-def _findings(solution: Solution, run: Discretisation, moved: float) -> Iterator[Finding]:
-    """The same for a largest displacement, m."""
-    scene, last = solution.scene, solution.t.size - 1
-    reach = reach_of(scene)
-    rounding = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps * float(np.spacing(reach))
-    if reach > FAR * scene.length and rounding > DISPLACED * moved:
-        yield Finding(
-            last,
-            "imprecise",
+    reach, moved = reach_of(scene), scene.length if rests else _moved(solution)
+    spacing = float(np.spacing(max(reach, scene.length)))
+    if reach > FAR * scene.length and solution.cost.steps * spacing > DISPLACED * moved:
+        message = (
             f"displacements, of {moved:.1e} m at most, have lost their digits by {{when}}: positions {reach:.2g} m "
-            f"from the origin are rounded to {np.spacing(reach):.1e} m, at each of {solution.cost.steps} steps; place "
-            f"the scene closer to the origin",
+            f"from the origin are rounded to {spacing:.1e} m at each step; place the scene closer to the origin"
         )
+        yield Finding(last, "imprecise", message)
     stiffest, force = _stiffest(scene, run)
-    noise = 0.5 * float(np.spacing(max(reach, scene.length))) * force
     inertia = mass_of(scene) * moved * sqrt(solution.cost.steps) / float(solution.t[-1]) ** 2
-    if noise > FORCED * max(_acting(scene, run, moved), inertia):
-        yield Finding(
-            last,
-            "imprecise",
-            f"displacements have lost their digits by {{when}}: rounding of positions makes forces of {noise:.1e} N in "
-            f"body {stiffest!r}, which is too stiff for the forces that act; a smaller E or a rigid body gives more "
-            f"digits",
-            stiffest,
+    if 0.5 * spacing * force > FORCED * max(_acting(scene, run, moved), inertia):
+        message = (
+            f"displacements have lost their digits by {{when}}: rounding of positions makes forces of "
+            f"{0.5 * spacing * force:.1e} N in body {stiffest!r}, which is too stiff for the forces that act; a "
+            f"smaller E or a rigid body gives more digits"
         )
+        yield Finding(last, "imprecise", message, stiffest)
 
 
 def _stiffest(scene: Scene, run: Discretisation) -> tuple[str, float]:
@@ -87,9 +74,8 @@ def _acted_upon(scene: Scene) -> bool:
 def _moved(solution: Solution) -> float:
     """Largest displacement of an end, a middle or a point of a body, m."""
     middles = [(body.name, 0.5) for body in solution.scene.beams]
-    return max(
-        float(np.hypot(*solution.displacement(p).T).max()) for p in [*middles, *places_of(solution.scene)]
-    )
+    places = [*middles, *places_of(solution.scene)]
+    return max(float(np.linalg.norm(solution.displacement(p), axis=1).max()) for p in places)
 
 
 def _acting(scene: Scene, run: Discretisation, moved: float) -> float:

@@ -6,8 +6,6 @@ from anctmm.model.scene import Scene
 from anctmm.results.checks.finding import part
 from anctmm.results.status import Status
 
-#: Ratio of the stiffnesses of two bodies from which on rounding of one may hide the other.
-UNLIKE = 1e6
 SMALLER = "anctmm.solve_static(..., branch='stable') finds a stable one, smaller load steps may"
 
 
@@ -22,16 +20,8 @@ def unstable(
 ) -> Status:
     """Status of an unstable equilibrium, with so many negative eigenvalues of the tangent stiffness.
 
-    Parameters
-    ----------
-    body, element
-        Where the motion in which the energy falls is largest, if that is known.
-    stable_until : float
-        Last load factor below whose equilibrium was found to be stable; 0 if none was.
-    advice : str
-        How a stable one can be found.
-    flutter : bool
-        Whether motions grow that swing to and fro.
+    Body and element are those that move most as the energy falls; `stable_until` is the last load factor with a stable
+    equilibrium, or 0; `advice` says how one can be found; with `flutter` motions grow that swing to and fro.
     """
     count = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
     why = "small oscillations grow (flutter)" if flutter else f"the tangent stiffness has {count}"
@@ -47,10 +37,7 @@ def unstable(
 
 
 def singular(factor: float, body: str | None, element: int | None, unlike: str = "") -> Status:
-    """Status of an equilibrium at which a motion needs no force.
-
-    Parameters as in `unstable`, and what `unlike_bodies` says.
-    """
+    """Status of an equilibrium at which a motion needs no force, as of `unstable`, with what `unlike_bodies` says."""
     return Status(
         "singular",
         f"the tangent stiffness at load factor {factor:.6g} is singular{_where(body, element)}: the scene is a "
@@ -63,17 +50,14 @@ def singular(factor: float, body: str | None, element: int | None, unlike: str =
 
 
 def unlike_bodies(scene: Scene, run: Discretisation) -> str:
-    """Another reason of a singular tangent: bodies so unlike in stiffness that rounding may hide that of the softest.
-
-    Empty where there are none.
-    """
+    """Another reason of a singular tangent, or none: bodies so unlike in stiffness that rounding hides the softest."""
     cut = run.of(scene)
     bending = {
         beam.name: beam.material.E * beam.section.second_moment / beam.length**3
         for beam in scene.beams
         if not kind_of(cut[beam.name][1]).rigid
     }
-    if not bending or (ratio := max(bending.values()) / min(bending.values())) < UNLIKE:
+    if not bending or (ratio := max(bending.values()) / min(bending.values())) < 1e6:
         return ""
     stiff, soft = max(bending, key=bending.__getitem__), min(bending, key=bending.__getitem__)
     return (

@@ -1,7 +1,7 @@
 """Pictures of solutions: configurations, energies, animations."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Configurations in a picture, and frames of an animation at most.
-SHOWN, FRAMES = 7, 400
 #: Line styles distinguish energies without colour, too.
 STYLES = {"kinetic": "-", "strain": "--", "potential": "-.", "work": ":"}
 #: Line width, dashes and filling of what is drawn, by kind.
@@ -31,13 +29,12 @@ LOOKS: dict[str, dict[str, Any]] = {
     "beam": {"lw": 2.0, "solid_capstyle": "round"},
     "rigid": {"lw": 1.5},
     "mass": {"marker": "o", "ms": 8},
-    "spring": {"lw": 0.9},
+    "spring": {"lw": 1.5, "ls": ":"},
+    "rotational spring": {"marker": "o", "ms": 12, "mfc": "none"},
     "guide": {"lw": 0.9, "ls": (0, (5, 3)), "color": "0.55"},
 }
 MARKS = {"clamp": "s", "pin": "^"}
 BESIDE: dict[str, Any] = {"fontsize": "small", "loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-#: Bodies that are named in a picture at most.
-NAMED = 12
 #: Signs of the buttons of matplotlib's player, whose own come from the network.
 SIGNS = {
     "play fa-flip-horizontal": "◀", "fast-backward": "«", "fast-forward": "»", "step-backward": "‹",
@@ -61,8 +58,6 @@ body {{ margin: 0; font-family: system-ui, sans-serif; text-align: center; }}
 </body>
 </html>
 """
-#: File types of animations, and what writes them.
-WRITERS = {".html": "html", ".gif": "pillow"}
 
 
 def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
@@ -88,7 +83,7 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
     figures = needed("matplotlib.figure", "plot")
     if not len(solution.t):
         raise ResultError(f"scene {solution.scene.name!r} has no outputs to draw: {solution.status}")
-    wanted = np.linspace(solution.t[0], solution.t[-1], SHOWN) if times is None else _numbers("times", times)
+    wanted = np.linspace(solution.t[0], solution.t[-1], 7) if times is None else _numbers("times", times)
     chosen = sorted({int(np.abs(solution.t - t).argmin()) for t in wanted})
     figure = figures.Figure(figsize=(10.0, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
@@ -133,26 +128,26 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     """
     check_plane(solution.scene, "animations")
     target, name = Path(path), solution.scene.name
-    if target.suffix not in WRITERS:
-        raise ResultError(f"path is {str(target)!r}; a file {' or '.join(map(repr, WRITERS))} is needed")
+    if target.suffix not in (".html", ".gif"):
+        raise ResultError(f"path is {str(target)!r}; a file '.html' or '.gif' is needed")
     if not fps > 0.0 or not np.isfinite(fps):
         raise ResultError(f"fps is {shown(fps)}; a number > 0 is needed")
     if len(solution.t) < 2:
         raise ResultError(f"scene {name!r} has {len(solution.t)} outputs; 2 or more are needed")
     animation = needed("matplotlib.animation", "animate")
     figure = needed("matplotlib.figure", "animate").Figure(figsize=(6.4, 5.2), layout="constrained")
-    drawing = _Drawing(figure.subplots(), solution)
-    drawing.move(0)
+    move = _drawing(figure.subplots(), solution)
+    move(0)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # it is the same in all frames
-    frames = np.unique(np.linspace(0, len(solution.t) - 1, FRAMES).round().astype(int)).tolist()
-    moving = animation.FuncAnimation(figure, drawing.move, frames=frames, interval=1e3 / fps, blit=False)
+    frames = np.unique(np.linspace(0, len(solution.t) - 1, 400).round().astype(int)).tolist()
+    moving = animation.FuncAnimation(figure, move, frames=frames, interval=1e3 / fps, blit=False)
     try:
         if target.suffix == ".html":
             page = _alone(moving.to_jshtml(fps=fps), f"{name}: {solution.solver}")
             target.write_text(page, encoding="utf-8")
         else:
-            moving.save(target, writer=WRITERS[target.suffix], fps=fps)
+            moving.save(target, writer="pillow", fps=fps)
     except OSError as error:
         raise OutputError(f"file {str(target)!r} cannot be written: {reason(error)}") from error
     return target
@@ -166,107 +161,52 @@ def _alone(player: str, title: str) -> str:
     return PAGE.format(title=escape(title), player=player)
 
 
-class _Drawing:
-    """Lines of all that moves, in axes that hold the whole motion."""
+def _drawing(axes: "Axes", solution: Any) -> Callable[[int], Any]:
+    """Lines of all that moves, in axes that hold the whole motion; returned is what shows an output."""
+    shapes = shapes_of(solution)
+    frame(axes, solution, shapes)
+    lines = []
+    for number, shape in enumerate(shapes):
+        label = literal(shape.name) if shape.name else None
+        look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
+        lines += axes.plot([], [], label=label, **look)
+    if len(shapes) > 1:
+        axes.legend(**BESIDE)
 
-    def __init__(self, axes: "Axes", solution: Any) -> None:
-        self.shapes = shapes_of(solution)
-        self.t, self.axes, self.static = solution.t, axes, solution.static
-        frame(axes, points_of(self.shapes))
-        draw_supports(axes, solution)
-        self.lines, self.fills, names = [], [], {}
-        for number, shape in enumerate(self.shapes):
-            look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
-            self.lines += axes.plot([], [], **look)
-            if shape.kind == "rigid":
-                self.fills.append((shape, axes.fill([], [], color=look["color"], alpha=0.25, lw=0)[0]))
-            if shape.name and number < NAMED:
-                names[literal(shape.name)] = self.lines[-1]
-        if len(self.shapes) > 1:
-            # with their lines: a label of a line that begins with _ is left out
-            axes.legend(names.values(), names, **BESIDE)
-
-    def move(self, k: int) -> Any:
-        """Show output k."""
-        for line, shape in zip(self.lines, self.shapes, strict=True):
+    def move(k: int) -> Any:
+        for line, shape in zip(lines, shapes, strict=True):
             line.set_data(*shape.points[k].T)
-        for shape, fill in self.fills:
-            fill.set_xy(shape.points[k])
-        self.axes.set_title(f"load factor {self.t[k]:.3g}" if self.static else f"t = {self.t[k]:.3f} s")
-        return self.lines
+        t = solution.t[k]
+        axes.set_title(f"load factor {t:.3g}" if solution.static else f"t = {t:.3f} s")
+        return lines
+
+    return move
 
 
 def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
-    """Bodies at some outputs, the first in grey, later ones darker; springs at the last; names."""
-    shapes = shapes_of(solution)
+    """Bodies at some outputs, later ones darker; springs and names at the last."""
+    shapes, last = shapes_of(solution), chosen[-1]
     unit = "" if solution.static else " s"
-    for number, (k, shade) in enumerate(zip(chosen, np.linspace(0.25, 1.0, len(chosen)), strict=True)):
-        first = number == 0 and len(chosen) > 1
-        color = (0.6, 0.6, 0.6, 1.0) if first else (0.1, 0.25, 0.6, float(shade))
-        for place, shape in enumerate(shapes):
-            if shape.name or k == chosen[-1]:
-                x, y = shape.points[k].T
-                label = f"{solution.t[k]:.3g}{unit}" if place == 0 else None
-                axes.plot(x, y, label=label, **{"color": color, **LOOKS[shape.kind]})
-                if shape.kind == "rigid":
-                    axes.fill(x, y, color=color[:3], alpha=0.25 * color[3], lw=0)
-    frame(axes, points_of(shapes, chosen))
-    draw_supports(axes, solution)
-    name_bodies(axes, shapes, clearest(shapes, chosen))
+    for k, shade in zip(chosen, np.linspace(0.25, 1.0, len(chosen)), strict=True):
+        label = f"{solution.t[k]:.3g}{unit}"
+        for shape in shapes:
+            if shape.name or k == last:
+                axes.plot(
+                    *shape.points[k].T, label=label, **{"color": (0.1, 0.25, 0.6, shade), **LOOKS[shape.kind]}
+                )
+                label = None
+    for shape in shapes:
+        if shape.name and len(shapes) > 1:
+            axes.annotate(
+                literal(shape.name), shape.points[last, shape.points.shape[1] // 2], fontsize="small"
+            )
+    frame(axes, solution, shapes, list(chosen))
     axes.legend(title="load factor" if solution.static else "t", **BESIDE)
 
 
 def literal(name: str) -> str:
     """A text that holds names, for matplotlib: what stands between two dollar signs is no formula."""
     return name.replace("$", r"\$")
-
-
-def clearest(shapes: Sequence[Shape], chosen: Sequence[int]) -> int:
-    """The output at which the middles of the bodies are the farthest from each other."""
-    middles = np.stack(
-        [shape.points[:, shape.points.shape[1] // 2] for shape in shapes if shape.name], axis=1
-    )
-
-    def nearest(k: int) -> float:
-        apart = np.linalg.norm(middles[k, :, None] - middles[k, None], axis=2)
-        return float(np.where(np.eye(len(apart), dtype=bool), np.inf, apart).min())
-
-    return max(chosen, key=nearest)
-
-
-def name_bodies(
-    axes: "Axes", shapes: Sequence[Shape], k: int, size: float = 8.0, ink: Any = "0.1", paper: Any = "white"
-) -> None:
-    """Write the names of bodies at their middles at output k: one that would touch another moves up.
-
-    The axes have their limits, and equal scales; letters have a size, pt, in ink on paper.
-    """
-    named = [shape for shape in shapes if shape.name]
-    if not 1 < len(named) <= NAMED:
-        return
-    figure: Any = axes.figure
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    wide, tall = figure.get_size_inches() * 72.0 * axes.get_position().size
-    unit = max((right - left) / wide, (high - low) / tall)  # m a point
-    line, taken = 1.35 * size * unit, list[tuple[float, float, float]]()
-    middles = [(*shape.points[k][len(shape.points[k]) // 2].tolist(), shape.name) for shape in named]
-    for x, y, name in sorted(middles, key=lambda middle: middle[1]):
-        if np.isfinite([x, y]).all():
-            width = 0.68 * size * unit * len(name)
-            x = min(max(x, left + 0.6 * width), right - 0.6 * width)
-            for u, v, w in sorted(taken, key=lambda one: one[1]):
-                if abs(x - u) < 0.55 * (width + w) and abs(y - v) < line:
-                    y = v + line
-            taken.append((x, y, width))
-            behind = {"facecolor": paper, "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
-            place = {"fontsize": size, "ha": "center", "va": "center", "color": ink, "zorder": 6}
-            axes.text(x, y, literal(name), bbox=behind, **place)
-
-
-def draw_supports(axes: "Axes", solution: Any) -> None:
-    """Draw what the ground holds: clamps, grounded hinges, and fixed ends of springs."""
-    for support in supports_of(solution.scene):
-        axes.plot(*support.position, MARKS[support.kind], ms=9, color="0.35", zorder=1)
 
 
 def _energies(axes: "Axes", solution: Any) -> None:
@@ -280,20 +220,14 @@ def _energies(axes: "Axes", solution: Any) -> None:
         axes.legend(fontsize="small")
 
 
-def points_of(shapes: Sequence[Shape], chosen: Sequence[int] | None = None) -> Array:
-    """All points of shapes, at some outputs or at all, (k, 2), m."""
-    outputs: Any = slice(None) if chosen is None else list(chosen)
-    return np.concatenate([shape.points[outputs].reshape(-1, 2) for shape in shapes])
-
-
-def frame(axes: "Axes", points: Array) -> None:
-    """Equal scales, and room for all points that are finite."""
-    low, high = box(points)
+def frame(axes: "Axes", solution: Any, shapes: Sequence[Shape], outputs: Any = slice(None)) -> None:
+    """Equal scales, with room for shapes at some outputs or all; and what the ground holds."""
+    low, high = box(np.concatenate([shape.points[outputs].reshape(-1, 2) for shape in shapes]))
     middle, half = 0.5 * (low + high), 0.55 * max(float((high - low).max()), 1e-12)
-    axes.set_xlim(middle[0] - half, middle[0] + half)
-    axes.set_ylim(middle[1] - half, middle[1] + half)
-    axes.set_aspect("equal")
-    axes.set(xlabel="x (m)", ylabel="y (m)")
+    for support in supports_of(solution.scene):
+        axes.plot(*support.position, MARKS[support.kind], ms=9, color="0.35", zorder=1)
+    axes.set(xlim=middle[0] + half * np.array([-1.0, 1.0]), ylim=middle[1] + half * np.array([-1.0, 1.0]))
+    axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
     _grid(axes)
 
 
@@ -301,3 +235,59 @@ def _grid(axes: "Axes") -> None:
     """A grid, and numbers of small and large scenes by a power of ten: written out they run into each other."""
     axes.grid(alpha=0.3)
     axes.ticklabel_format(scilimits=(-2, 4), useMathText=True)
+
+
+def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Figure":
+    """Periods of modes that begin at the largest displacement: both ends of the swing, and the middle in grey."""
+    figures = needed("matplotlib.figure", "plot")
+    columns = min(len(motions), 4)
+    rows = -(-len(motions) // columns)
+    figure = figures.Figure(figsize=(2.9 * columns + 0.6, 2.7 * rows + 0.5), layout="constrained")
+    figure.suptitle(literal(f"{name}: modes"))
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[len(motions) :]:
+        axes.set_axis_off()
+    for axes, motion, title in zip(panels, motions, titles, strict=False):
+        shapes = shapes_of(motion)
+        n = len(motion.t) - 1
+        for k, style in ((n // 4, {"color": "0.6"}), (n // 2, {"color": "C1"}), (0, {"color": "C0"})):
+            for shape in shapes:
+                if shape.name or k == 0:
+                    axes.plot(*shape.points[k].T, **LOOKS[shape.kind] | style)
+        frame(axes, motion, shapes)
+        axes.set_title(title, fontsize="medium")
+        axes.set(xlabel="", ylabel="")
+        axes.tick_params(labelsize="small")
+    return figure  # type: ignore[no-any-return]
+
+
+def plot_campbell(
+    speeds: Array, frequencies: Array, unstable: NDArray[np.bool_], orders: Sequence[int], name: str
+) -> "Figure":
+    """Frequencies, (n, count), Hz, over the speed, (n,), rad/s, with rays of its multiples; crosses where unstable."""
+    figure = needed("matplotlib.figure", "plot").Figure(figsize=(7.2, 4.8), layout="constrained")
+    axes = figure.subplots()
+    for k, line in enumerate(frequencies.T):
+        axes.plot(speeds, line, "o-", ms=3.5, lw=1.6, color=f"C{k % 10}", label=f"mode {k + 1}")
+    if unstable.any():
+        over = np.broadcast_to(speeds[:, None], frequencies.shape)
+        axes.plot(
+            over[unstable], frequencies[unstable], "x", color="0.1", ms=8, label="unstable", clip_on=False
+        )
+    top = 1.08 * float(np.nanmax(frequencies))
+    for order in orders:
+        ray = order * speeds / (2.0 * np.pi)
+        inside = ray <= top
+        axes.plot(speeds[inside], ray[inside], ":", color="0.5", lw=1.0)
+        if inside.sum() > 1:
+            axes.annotate(
+                f"{order}×", (speeds[inside][-1], ray[inside][-1]), xytext=(3, 1), textcoords="offset points",
+                fontsize="small", color="0.4",
+            )  # fmt: skip
+    axes.set(
+        xlabel="speed (rad/s)", ylabel="frequency (Hz)", title=literal(f"{name}: frequencies over the speed")
+    )
+    axes.set_ylim(0.0, top)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    return figure  # type: ignore[no-any-return]

@@ -2,16 +2,18 @@
 
 A text in JSON describes the result; its arrays are stored beside it. Possible are numbers, texts, containers, NumPy
 arrays, and instances of dataclasses, whose fields are set without a call. A class is looked up among those that this
-process has already loaded: nothing is imported.
+process has already loaded: nothing is imported. Of functions only the name is written.
 """
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
+
+from anctmm.errors import ResultError
 
 #: Kinds of numbers that an array may hold: numbers, truth values and texts; no objects.
 _KINDS = "biufcSU"
@@ -23,10 +25,29 @@ class NotPlain(Exception):
     """A result that is more than data, or data that are no result."""
 
 
-def describe(value: Any, given: Sequence[Any] = ()) -> tuple[str, Arrays]:
-    """A result as a text in JSON and its arrays, by the places where they stand in it.
+class NotSaved:
+    """Represents a function that a file cannot contain.
 
-    `given` are parts of it that `rebuild` will be given again, such as a scene with functions of the user's.
+    Parameters
+    ----------
+    name : str
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __call__(self, *_: object) -> Any:
+        """Raises ResultError."""
+        raise ResultError(
+            f"function {self.name} was not saved with the solution; give the scene to `load` to have it"
+        )
+
+    def __repr__(self) -> str:
+        return f"<{self.name}, not saved>"
+
+
+def describe(value: Any) -> tuple[str, Arrays]:
+    """A result as a text in JSON and its arrays, by the places where they stand in it.
 
     Raises
     ------
@@ -35,13 +56,12 @@ def describe(value: Any, given: Sequence[Any] = ()) -> tuple[str, Arrays]:
     """
     arrays: Arrays = {}
     try:
-        return json.dumps(_plain(value, given, arrays, ())), arrays
-    except (RecursionError, ValueError) as error:
-        # a result that holds itself, or a number of thousands of digits
+        return json.dumps(_plain(value, arrays, ())), arrays
+    except (RecursionError, ValueError) as error:  # it holds itself, or a number of thousands of digits
         raise NotPlain(f"{type(error).__name__}: {error}") from error
 
 
-def rebuild(text: str | bytes, arrays: Mapping[str, np.ndarray], given: Sequence[Any] = ()) -> Any:
+def rebuild(text: str | bytes, arrays: Mapping[str, np.ndarray]) -> Any:
     """The result that `describe` made a text and arrays of.
 
     Raises
@@ -50,21 +70,18 @@ def rebuild(text: str | bytes, arrays: Mapping[str, np.ndarray], given: Sequence
         If they are none, or one of a class that is not loaded or has changed.
     """
     try:
-        return _value(json.loads(text), given, arrays)
+        return _value(json.loads(text), arrays)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
         raise NotPlain(f"{type(error).__name__}: {error}") from error
 
 
-def _plain(value: Any, given: Sequence[Any], arrays: Arrays, path: tuple[str, ...]) -> Any:
+def _plain(value: Any, arrays: Arrays, path: tuple[str, ...]) -> Any:
     """What JSON can hold of a value: itself, or a dictionary with one key, which says what it is."""
-    for number, known in enumerate(given):
-        if value is known or (type(value) is type(known) and is_dataclass(known) and value == known):
-            return {"given": number}
     if value is None or type(value) in (bool, int, float, str):
         return value
 
     def inside(part: Any, *names: Any) -> Any:
-        return _plain(part, given, arrays, (*path, *map(str, names)))
+        return _plain(part, arrays, (*path, *map(str, names)))
 
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _KINDS:
         name = ".".join(path) or "value"
@@ -83,34 +100,37 @@ def _plain(value: Any, given: Sequence[Any], arrays: Arrays, path: tuple[str, ..
         return {"dataclass": [_name(value), names, [inside(getattr(value, name), name) for name in names]]}
     if isinstance(value, float):
         return {"number": [_name(value), float(value)]}
+    if isinstance(value, NotSaved):
+        return {"function": value.name}
+    if callable(value) and not isinstance(value, type):
+        return {"function": getattr(value, "__qualname__", type(value).__name__)}
     raise NotPlain(f"{type(value).__name__} {getattr(value, '__qualname__', '')!r} is no data")
 
 
-def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -> Any:
+def _value(plain: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     """The value of which `_plain` made this."""
     if isinstance(plain, list):
-        return [_value(part, given, arrays) for part in plain]
+        return [_value(part, arrays) for part in plain]
     if not isinstance(plain, dict):
         return plain
     ((kind, content),) = plain.items()
     match kind:
-        case "given":
-            return given[content]
         case "array":
             return arrays[content].copy()
         case "scalar":
             return arrays[content][()]
         case "tuple" | "dict":
-            return {"tuple": tuple, "dict": dict}[kind](_value(content, given, arrays))
+            return {"tuple": tuple, "dict": dict}[kind](_value(content, arrays))
         case "mapping":
             made = dict.__new__(_class(content[0], dict))
-            dict.update(made, _value(content[1], given, arrays))
+            dict.update(made, _value(content[1], arrays))
             return made
         case "number":
             return float.__new__(_class(content[0], float), content[1])
+        case "function":
+            return NotSaved(str(content))
         case "dataclass":
-            name, names, parts = content
-            return _instance(name, names, _value(parts, given, arrays))
+            return _instance(content[0], content[1], _value(content[2], arrays))
     raise NotPlain(f"{kind!r} is no kind of data")
 
 

@@ -7,9 +7,8 @@ user's functions: drives, loads and laws that are Python functions.
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import replace
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -17,38 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from anctmm.errors import OutputError, ResultError, listed, reason, shown
+from anctmm.errors import OutputError, ResultError, reason, shown
 from anctmm.results.export.plain_data import NotPlain, describe, rebuild
 
 #: What marks a file as one of these, with the number of its layout.
-FORMAT = "anctmm solution 1"
+FORMAT = "anctmm solution 2"
 #: What readers raise of a file that is none of these.
 UNREADABLE = (
     OSError, EOFError, LookupError, ValueError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error, NotPlain
 )  # fmt: skip
-#: Names in the file beside those of arrays.
-ABOUT, TREE = "about", "description"
-
-
-class NotSaved:
-    """Represents a function that a file cannot contain.
-
-    Parameters
-    ----------
-    name : str
-    """
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __call__(self, *_: object) -> Any:
-        """Raises ResultError."""
-        raise ResultError(
-            f"function {self.name} was not saved with the solution; give the scene to `load` to have it"
-        )
-
-    def __repr__(self) -> str:
-        return f"<{self.name}, not saved>"
 
 
 def save(solution: Any, path: str | PathLike[str]) -> Path:
@@ -72,23 +48,16 @@ def save(solution: Any, path: str | PathLike[str]) -> Path:
     OutputError
         If the file cannot be written.
     """
-    target = _npz(path)
-    functions = list(_functions(solution.scene))
+    target, scene = _npz(path), solution.scene
     try:
-        tree, arrays = describe(solution, functions)
+        tree, arrays = describe(solution)
     except NotPlain as error:
-        raise ResultError(f"solution of scene {solution.scene.name!r} cannot be saved: {error}") from error
-    about = {
-        "format": FORMAT,
-        "scene": solution.scene.name,
-        "solver": solution.solver,
-        "status": str(solution.status),
-        "functions": [_name(f) for f in functions],
-    }
+        raise ResultError(f"solution of scene {scene.name!r} cannot be saved: {error}") from error
+    about = {"format": FORMAT, "scene": scene.name, "solver": solution.solver, "status": str(solution.status)}
+    texts = {"about": np.array(json.dumps(about)), "description": np.array(tree)}
     part = target.with_name(f".{target.name}.part")
     try:
         with part.open("wb") as file:
-            texts = {ABOUT: np.array(json.dumps(about)), TREE: np.array(tree)}
             np.savez_compressed(file, allow_pickle=False, **{**arrays, **texts})
         part.replace(target)
     except OSError as error:
@@ -104,53 +73,26 @@ def load(path: str | PathLike[str], scene: Any = None) -> Any:
     try:
         with np.load(BytesIO(target.read_bytes()), allow_pickle=False) as file:
             held = {name: file[name] for name in file.files}
-        about = json.loads(str(held[ABOUT]))
-        if about["format"] != FORMAT:
-            raise ResultError(
-                f"file {str(target)!r} has format {shown(about['format'])}; {FORMAT!r} is needed"
-            )
-        wanted = about["functions"]
-        functions = [NotSaved(name) for name in wanted] if scene is None else list(_functions(scene))
-        if scene is not None and [_name(f) for f in functions] != wanted:
-            raise ResultError(
-                f"scene {scene.name!r} has the functions {listed(map(_name, functions))}; file {str(target)!r} needs "
-                f"{listed(wanted)}"
-            )
-        found = rebuild(str(held[TREE]), held, functions)
+        layout = json.loads(str(held["about"]))["format"]
+        if layout != FORMAT:
+            raise ResultError(f"file {str(target)!r} has format {shown(layout)}; {FORMAT!r} is needed")
+        found = rebuild(str(held["description"]), held)
+        matches = scene is None or _same(found.scene, scene)
     except ResultError:
         raise
     except UNREADABLE as error:
         raise ResultError(
             f"file {str(target)!r} is no saved solution that this version reads: {reason(error)}"
         ) from error
-    if scene is not None and found.scene != scene:
+    if not matches:
         raise ResultError(f"file {str(target)!r} is of scene {found.scene.name!r}, not of the one given")
-    return found
+    return found if scene is None else replace(found, scene=scene)
 
 
-def _functions(thing: Any) -> Iterator[Callable[..., Any]]:
-    """Functions inside a scene, each once, in the order in which they stand; not instances of dataclasses, such as
-    `Quintic`, which are data.
-    """
-    found = {id(part): part for part in _inside(thing) if callable(part) and not is_dataclass(part)}
-    yield from found.values()
-
-
-def _name(function: Callable[..., Any]) -> str:
-    return getattr(function, "__qualname__", type(function).__name__)
-
-
-def _inside(thing: Any) -> Iterator[Any]:
-    yield thing
-    parts: list[Any] = []
-    if isinstance(thing, Mapping):
-        parts = list(thing.values())
-    elif isinstance(thing, list | tuple):
-        parts = list(thing)
-    elif is_dataclass(thing) and not isinstance(thing, type):
-        parts = [getattr(thing, f.name) for f in fields(thing)]
-    for part in parts:
-        yield from _inside(part)
+def _same(one: Any, other: Any) -> bool:
+    """Whether two scenes are the same; functions are compared by their names."""
+    (text, arrays), (wanted, others) = describe(one), describe(other)
+    return text == wanted and all(np.array_equal(array, others[name]) for name, array in arrays.items())
 
 
 def _npz(path: str | PathLike[str]) -> Path:

@@ -15,19 +15,12 @@ from anctmm.model.rigid_bodies import PointMass, RigidBody
 
 Array = NDArray[np.float64]
 
-#: Points along a beam.
-POINTS = 41
-#: Windings of a spring; its half width, and the radius of a rotational one, of the picture's size.
-WINDINGS, WIDTH, RADIUS = 6, 0.014, 0.03
-#: Half the length of the line that a guide is drawn as, of the picture's size.
-GUIDE = 0.12
-
 
 @dataclass(frozen=True)
 class Shape:
     """A line or an outline that moves: the name of its body, empty of what is none, and points, (n, k, 2), m.
 
-    Kinds are "beam", "rigid" (an outline, closed), "mass" (one point), "spring" and "guide".
+    Kinds are "beam", "rigid" (an outline, closed), "mass" and "rotational spring" (one point), "spring" and "guide".
     """
 
     name: str
@@ -53,10 +46,9 @@ def shapes_of(solution: Any) -> list[Shape]:
     """
     scene = solution.scene
     bodies = [_body(solution, body) for body in scene.bodies if body.name in solution.fields]
+    springs = [_spring(solution, connector) for connector in scene.connectors]
     low, high = box(np.concatenate([shape.points.reshape(-1, 2) for shape in bodies]))
-    size = float((high - low).max()) or 1.0
-    springs = [_spring(solution, connector, size) for connector in scene.connectors]
-    return [*bodies, *springs, *_guides(solution, size)]
+    return [*bodies, *springs, *_guides(solution, float((high - low).max()) or 1.0)]
 
 
 def box(points: Array) -> tuple[Array, Array]:
@@ -79,7 +71,7 @@ def supports_of(scene: Any) -> list[Support]:
 def _body(solution: Any, body: Any) -> Shape:
     match body:
         case Beam():
-            return Shape(body.name, "beam", solution.position(body.name, np.linspace(0.0, 1.0, POINTS)))
+            return Shape(body.name, "beam", solution.position(body.name, np.linspace(0.0, 1.0, 41)))
         case RigidBody():  # one without length is drawn as a mass
             points = [solution.position(f"{body.name}.{key}") for key in outline(body)]
             return Shape(body.name, "mass" if len(points) == 1 else "rigid", np.stack(points, axis=1))
@@ -105,30 +97,17 @@ def outline(body: RigidBody) -> list[str]:
     return [*around, around[0]]
 
 
-def _spring(solution: Any, connector: Connector, size: float) -> Shape:
+def _spring(solution: Any, connector: Connector) -> Shape:
     first = solution.position(connector.first)
     match connector:
         case Spring():
             ground = connector.ground
             last = solution.position(connector.second) if ground is None else np.full_like(first, ground)
-            return Shape("", "spring", zigzag(first, last, WIDTH * size))
+            return Shape("", "spring", np.stack([first, last], axis=1))
         case RotationalSpring():
-            turn = np.linspace(0.0, 4.0 * np.pi, 49)
-            radius = RADIUS * size * (0.35 + 0.65 * turn / turn[-1])
-            spiral = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-            return Shape("", "spring", first[:, None] + spiral)
+            return Shape("", "rotational spring", first[:, None])
         case _:
             raise unknown_kind("connector", connector, CONNECTORS)
-
-
-def zigzag(first: Array, last: Array, width: float) -> Array:
-    """A spring between two moving points, (n, 2 WINDINGS + 4, 2), m."""
-    along = last - first
-    distance = np.linalg.norm(along, axis=1, keepdims=True)
-    side = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.where(distance > 0.0, distance, 1.0)
-    parts = np.array([0.0, 0.15, *np.linspace(0.15, 0.85, 4 * WINDINGS + 1)[1::2], 0.85, 1.0])
-    away = width * np.array([0.0, 0.0, *((-1.0) ** k for k in range(2 * WINDINGS)), 0.0, 0.0])
-    return np.asarray(first[:, None] + parts[:, None] * along[:, None] + away[:, None] * side[:, None])
 
 
 def _guides(solution: Any, size: float) -> Iterator[Shape]:
@@ -137,7 +116,7 @@ def _guides(solution: Any, size: float) -> Iterator[Shape]:
     for joint in scene.joints:
         if isinstance(joint, Guide):
             place = np.array(scene.place(joint.ends[0]).position)
-            line = place + GUIDE * size * np.array([[-1.0], [1.0]]) * joint.direction
+            line = place + 0.12 * size * np.array([[-1.0], [1.0]]) * joint.direction
             points = np.broadcast_to(line, (len(solution.t), 2, 2))
             if joint.body is not None:  # the line is fixed in that body
                 arms = line - np.array(scene.body(joint.body).center)

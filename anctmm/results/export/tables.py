@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 QUANTITIES = {"position": (("x", "y"), "m"), "velocity": (("vx", "vy"), "m/s"), "angle": (("angle",), "rad")}
 ENERGIES = ("kinetic", "strain", "potential", "work", "dissipated")
 #: Package that a function needs, and the extra of this one that brings it.
-EXTRA = {"pandas": "files", "xarray": "files", "matplotlib": "plots"}
+EXTRA = {"pandas": "files", "xarray": "files", "meshio": "files", "matplotlib": "plots"}
 
 
 def needed(package: str, what: str) -> ModuleType:
@@ -77,9 +77,7 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     check_plane(solution.scene, "tables")
     pandas = needed("pandas", "to_frame")
     if isinstance(probes, str):
-        raise ResultError(
-            f"probes are {shown(probes)}; a list of places is needed, such as [{shown(probes)}]"
-        )
+        raise ResultError(f"probes are {shown(probes)}; a list of places is needed")
     columns: dict[str, Array] = {}
     for probe in probes:
         label = probe if isinstance(probe, str) else f"{probe[0]} {float(probe[1]):.12g}"
@@ -123,25 +121,21 @@ def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
     time = "load_factor" if solution.static else "t"
     coordinates = {time: solution.t, "axis": ["x", "y"]}
     variables: dict[str, Any] = {}
-
-    def put(name: str, quantity: str, axes: tuple[str, ...], series: Array) -> None:
-        suffixes, unit = QUANTITIES[quantity]
-        axes = (*axes, "axis") if len(suffixes) > 1 else axes
-        variables[name] = (axes, series, {"units": unit})
-
+    of_beams = [dict(_quantities(solution, name, fractions)) for name in beams]
+    of_rigid = {name: dict(_quantities(solution, f"{name}.center")) for name in rigid}
     if beams:
         coordinates |= {"body": beams, "fraction": fractions}
-        of_beams = [dict(_quantities(solution, name, fractions)) for name in beams]
-        for quantity in QUANTITIES:
-            if all(quantity in found for found in of_beams):
-                series = np.stack([found[quantity] for found in of_beams], axis=1)
-                put(quantity, quantity, (time, "body", "fraction"), series)
-    for name in rigid:
-        for quantity, series in _quantities(solution, f"{name}.center"):
-            put(f"{quantity}_{name}", quantity, (time,), series)
+    for quantity, (suffixes, unit) in QUANTITIES.items():
+        axes = ("axis",) if len(suffixes) > 1 else ()
+        if beams and all(quantity in found for found in of_beams):
+            series = np.stack([found[quantity] for found in of_beams], axis=1)
+            variables[quantity] = ((time, "body", "fraction", *axes), series, {"units": unit})
+        for name, found in of_rigid.items():
+            if quantity in found:
+                variables[f"{quantity}_{name}"] = ((time, *axes), found[quantity], {"units": unit})
     for name in ENERGIES:
         variables[f"energy_{name}"] = (time, getattr(solution.energy, name), {"units": "J"})
     about = {"scene": solution.scene.name, "solver": solution.solver, "status": str(solution.status)}
-    found = xarray.Dataset(variables, coordinates, about)
-    found[time].attrs["units"] = "1" if time == "load_factor" else "s"
-    return found  # type: ignore[no-any-return]
+    made = xarray.Dataset(variables, coordinates, about)
+    made[time].attrs["units"] = "1" if solution.static else "s"
+    return made  # type: ignore[no-any-return]

@@ -1,11 +1,12 @@
-"""Solutions as files of VTK's XML format: a time series that ParaView opens (vtk.org, "VTK File Formats").
+"""Solutions as a time series that ParaView opens.
 
 Each beam becomes a polyline of points along its axis, each rigid body one of its outline, each mass a vertex. Points
 have their displacement and, if the solver stores it, velocity.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,19 +19,10 @@ from anctmm.model.bodies import Beam
 from anctmm.model.checks.space import check_plane
 from anctmm.model.rigid_bodies import CENTER, RigidBody
 from anctmm.results.export.shapes import outline
-from anctmm.results.export.tables import check_points
+from anctmm.results.export.tables import check_points, needed
 
 Array = NDArray[np.float64]
 
-#: VTK's numbers for a cell of one point, and of connected lines.
-VERTEX, POLYLINE = 1, 4
-GRID = """<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>
-<Piece NumberOfPoints="{points}" NumberOfCells="{cells}">
-<PointData Vectors="displacement">{fields}</PointData>
-<Points>{places}</Points>
-<Cells>{connectivity}{offsets}{types}</Cells>
-</Piece></UnstructuredGrid></VTKFile>
-"""
 LISTING = '<VTKFile type="Collection" version="0.1"><Collection>\n{}\n</Collection></VTKFile>\n'
 
 
@@ -53,7 +45,7 @@ def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path
     Raises
     ------
     ResultError
-        If `points` is no whole number of 2 or more, or the solution has no outputs.
+        If meshio is not installed, `points` is no whole number of 2 or more, or the solution has no outputs.
     OutputError
         If files cannot be written.
     """
@@ -61,25 +53,36 @@ def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path
     check_points(points)
     if not len(solution.t):
         raise ResultError(f"scene {solution.scene.name!r} has no outputs to write: {solution.status}")
+    meshio = needed("meshio", "to_vtk")
     places = [_places(solution.scene.body(name), points) for name in solution.fields]
-    sizes, probes = [len(cell) for cell in places], [place for cell in places for place in cell]
-    path = np.stack([solution.position(*place) for place in probes], axis=1)
-    fields = {"displacement": path - path[:1]}
-    with suppress(ResultError):
-        fields["velocity"] = np.stack([solution.velocity(*place) for place in probes], axis=1)
+    spans = list(pairwise(np.cumsum([0, *map(len, places)]).tolist()))
+    cells = {
+        "line": [(k, k + 1) for first, end in spans for k in range(first, end - 1)],
+        "vertex": [(first,) for first, end in spans if end == first + 1],
+    }
+    series = dict(_series(solution, [place for body in places for place in body]))
+    path = series.pop("position")
     stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in solution.scene.name) or "scene"
     target, lines = Path(folder), []
     try:
         target.mkdir(parents=True, exist_ok=True)
         for k, t in enumerate(solution.t.tolist()):
-            name = f"{stem}_{k:05d}.vtu"
-            now = {key: values[k] for key, values in fields.items()}
-            (target / name).write_text(_grid(path[k], sizes, now), encoding="utf-8")
-            lines.append(f'<DataSet timestep="{t!r}" part="0" file="{name}"/>')
+            fields = {"displacement": path[k] - path[0], **{name: x[k] for name, x in series.items()}}
+            mesh = meshio.Mesh(path[k], [(kind, of) for kind, of in cells.items() if of], point_data=fields)
+            mesh.write(target / f"{stem}_{k:05d}.vtu")
+            lines.append(f'<DataSet timestep="{t!r}" part="0" file="{stem}_{k:05d}.vtu"/>')
         (target / f"{stem}.pvd").write_text(LISTING.format("\n".join(lines)), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"folder {str(target)!r} cannot be written to: {reason(error)}") from error
     return target / f"{stem}.pvd"
+
+
+def _series(solution: Any, places: list[tuple[str, Any]]) -> Iterator[tuple[str, Array]]:
+    """Positions of places and, if they are known, velocities, each (n, places, 3): VTK wants vectors of space."""
+    with suppress(ResultError):
+        for name, read in (("position", solution.position), ("velocity", solution.velocity)):
+            found = np.stack([read(*place) for place in places], axis=1)
+            yield name, np.pad(found, ((0, 0), (0, 0), (0, 1)))
 
 
 def _places(body: Any, points: int) -> list[tuple[str, Any]]:
@@ -88,26 +91,3 @@ def _places(body: Any, points: int) -> list[tuple[str, Any]]:
         return [(body.name, x) for x in np.linspace(0.0, 1.0, points)]
     keys = outline(body) if isinstance(body, RigidBody) else [CENTER]
     return [(body.name, key) for key in keys]
-
-
-def _grid(points: Array, sizes: Sequence[int], fields: Mapping[str, Array]) -> str:
-    """An unstructured grid of cells of connected lines, or of one point, each with its number of points."""
-    return GRID.format(
-        points=len(points),
-        cells=len(sizes),
-        fields="".join(_vectors(name, values) for name, values in fields.items()),
-        places=_vectors("Points", points),
-        connectivity=_numbers("connectivity", range(len(points))),
-        offsets=_numbers("offsets", np.cumsum(sizes).tolist()),
-        types=_numbers("types", [VERTEX if size == 1 else POLYLINE for size in sizes], "UInt8"),
-    )
-
-
-def _vectors(name: str, vectors: Array) -> str:
-    """Vectors of the plane, as VTK wants them, of space; every digit is kept."""
-    rows = "\n".join(f"{x!r} {y!r} 0.0" for x, y in vectors.tolist())
-    return f'<DataArray type="Float64" Name="{name}" NumberOfComponents="3" format="ascii">{rows}</DataArray>'
-
-
-def _numbers(name: str, numbers: Sequence[int], kind: str = "Int64") -> str:
-    return f'<DataArray type="{kind}" Name="{name}" format="ascii">{" ".join(map(str, numbers))}</DataArray>'

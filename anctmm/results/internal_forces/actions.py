@@ -17,11 +17,23 @@ Array = NDArray[np.float64]
 
 
 class Action(NamedTuple):
-    """A force, (n, 2), N, and a moment, (n,), N m counter-clockwise, on a place."""
+    """A force, (n, dim), N, and a moment, (n, 1), N m counter-clockwise, in space (n, 3), on a place."""
 
     place: Place
     force: Any
     moment: Any
+
+
+def moment_of(arm: Array, force: Array) -> Array:
+    """arm × force, (…, 1) of vectors of the plane, (…, 3) of space."""
+    if arm.shape[-1] == 3:
+        return np.cross(arm, force)
+    return arm[..., :1] * force[..., 1:] - arm[..., 1:] * force[..., :1]
+
+
+def turned(moment: Array, vector: Array) -> Array:
+    """moment × vector, (…, dim)."""
+    return np.cross(moment, vector) if vector.shape[-1] == 3 else moment * (vector @ QUARTER_TURN.T)
 
 
 def actions_on(solution: Any, body: str) -> Iterator[Action]:
@@ -37,9 +49,9 @@ def actions_on(solution: Any, body: str) -> Iterator[Action]:
 
 
 def along(solution: Any, body: str) -> Array:
-    """Forces per undeformed length of a beam: its weight and line loads, (n, 2), N/m."""
+    """Forces per undeformed length of a beam: its weight and line loads, (n, dim), N/m."""
     scene, beam = solution.scene, solution.scene.beam(body)
-    total = np.outer(_factors(solution), beam.mass / beam.length * np.asarray(scene.gravity))
+    total = np.outer(load_factors(solution), beam.mass / beam.length * np.asarray(scene.gravity))
     for load in scene.loads:
         if isinstance(load, LineLoad) and load.body == body:
             total += _values(solution, load)
@@ -47,39 +59,41 @@ def along(solution: Any, body: str) -> Array:
 
 
 def _of_load(solution: Any, load: Load) -> Action:
-    values, none = _values(solution, load), np.zeros((len(solution.t), 2))
+    values, place = _values(solution, load), solution.scene.place(load.end)  # type: ignore[union-attr]
     match load:
         case Force():
             if load.follower:
                 angle = turn_since_placed(solution, load.end)[:, None]
                 values = np.cos(angle) * values + np.sin(angle) * (values @ QUARTER_TURN.T)
-            return Action(solution.scene.place(load.end), values, none[:, 0])
+            return Action(place, values, moment_of(0.0 * values, values))
         case Torque():
-            return Action(solution.scene.place(load.end), none, values[:, 0])
+            return Action(place, np.zeros((len(values), 2)), values)
         case _:
             raise unknown_kind("load", load, LOADS)  # type: ignore[arg-type]
 
 
 def _values(solution: Any, load: Load) -> Array:
     """Value of a load at each output, (n, numbers); in statics a part of what it is at t = 0."""
-    width, n = width_of(load), len(solution.t)
-    values: Any = np.atleast_1d(np.asarray(load.value, dtype=float)) if not callable(load.value) else None
-    if values is None:
+    width, n = width_of(load, solution.scene.dim), len(solution.t)
+    values: Any = load.value
+    if callable(load.value):
         t = 0.0 * solution.t if solution.static else solution.t
-        values = tabulate(load_text(load), load.value, t, width)  # type: ignore[arg-type]
-    return np.broadcast_to(values, (n, width)) * _factors(solution)[:, None]
+        values = tabulate(load_text(load), load.value, t, width)
+    return np.broadcast_to(values, (n, width)) * load_factors(solution)[:, None]
 
 
 def _of_connector(solution: Any, connector: Connector) -> Iterator[Action]:
-    tension, (first, second) = tension_of(solution, connector), ends_of(solution.scene, connector)
-    none = np.zeros((len(tension), 2))
+    tension = tension_of(solution, connector)[:, None]
+    first, second = ends_of(solution.scene, connector)
     match connector:
         case Spring():
-            pull = tension[:, None] * _line(solution, connector)[2]
-            yield Action(first, pull, none[:, 0])
+            pull = tension * _line(solution, connector)[2]
+            none = moment_of(0.0 * pull, pull)
+            yield Action(first, pull, none)
             if isinstance(second, Place):
-                yield Action(second, -pull, none[:, 0])
+                yield Action(second, -pull, none)
         case RotationalSpring():
+            none = np.zeros((len(tension), 2))
             if isinstance(second, Place):
                 yield Action(first, none, tension)
             yield Action(second if isinstance(second, Place) else first, none, -tension)
@@ -92,8 +106,7 @@ def tension_of(solution: Any, connector: Connector) -> Array:
 
     In statics the reference is an equilibrium at the load factor 0: what a connector has there grows with the load.
     """
-    value, rate = _stretch(solution, connector)
-    reference = _as_placed(solution, connector)
+    value, rate, reference = _stretch(solution, connector)
     if not solution.static:
         series = zip(value, rate, solution.t, strict=True)
         return np.array([_answer(connector, reference, *x) for x in series])
@@ -111,13 +124,18 @@ def _answer(connector: Connector, reference: float, value: float, rate: float, t
     return connector.stiffness * more + connector.damping * rate + connector.preload
 
 
-def _stretch(solution: Any, connector: Connector) -> tuple[Array, Array]:
-    """What a connector's law works on, before its free value is taken off, and its rate, each (n,)."""
+def _stretch(solution: Any, connector: Connector) -> tuple[Array, Array, float]:
+    """Length or angle of a connector, before its free value is taken off, its rate, each (n,), and the reference."""
     if isinstance(connector, Spring):
-        return _line(solution, connector)[:2]
-    angles = [turn_since_placed(solution, place) for place in connector.places]
-    rates = [0.0 * angles[0] if solution.static else solution.spin(place) for place in connector.places]
-    return (angles[0], rates[0]) if len(angles) == 1 else (angles[1] - angles[0], rates[1] - rates[0])
+        first, second = ends_of(solution.scene, connector)
+        there: Any = second.position if isinstance(second, Place) else second
+        return *_line(solution, connector)[:2], float(np.linalg.norm(np.subtract(there, first.position)))
+    value, rate, sign = 0.0, 0.0, -1.0 if len(connector.places) == 2 else 1.0
+    for place in connector.places:
+        value = value + sign * turn_since_placed(solution, place)
+        rate = rate + sign * (0.0 if solution.static else solution.spin(place))
+        sign = 1.0
+    return np.asarray(value), np.broadcast_to(rate, np.shape(value)), 0.0
 
 
 def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
@@ -130,7 +148,7 @@ def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
         _motion(solution, spring.second) if spring.ground is None else (np.asarray(spring.ground), 0.0)
     )
     apart = there - here
-    distance = np.hypot(*apart.T)
+    distance = np.linalg.norm(apart, axis=1)
     direction = np.divide(apart, distance[:, None], out=np.zeros_like(apart), where=distance[:, None] > 0.0)
     return distance, np.einsum("nc,nc->n", direction, faster - speed), direction
 
@@ -146,15 +164,6 @@ def turn_since_placed(solution: Any, place: Any) -> Array:
     return np.asarray(solution.whole_turns.angle(name, at))
 
 
-def _as_placed(solution: Any, connector: Connector) -> float:
-    """Length of a spring in the reference, m; angles are counted from there."""
-    if isinstance(connector, RotationalSpring):
-        return 0.0
-    first, second = ends_of(solution.scene, connector)
-    there: Any = second.position if isinstance(second, Place) else second
-    return float(np.hypot(*np.subtract(there, first.position)))
-
-
-def _factors(solution: Any) -> Array:
+def load_factors(solution: Any) -> Array:
     """Parts of the load that act at the outputs, (n,)."""
     return np.asarray(solution.t) if solution.static else np.ones(len(solution.t))

@@ -19,21 +19,17 @@ from numpy.typing import NDArray
 from anctmm.errors import ResultError
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.places import Place
-from anctmm.results.fields import NodalField, cross
-from anctmm.results.internal_forces.actions import actions_on, along
+from anctmm.model.rigid_bodies import CENTER, PointMass
+from anctmm.results.fields import NodalField
+from anctmm.results.internal_forces.actions import actions_on, along, load_factors, moment_of
 from anctmm.results.internal_forces.section_forces import HeldBeam
 from anctmm.results.joint_rows import SLOTS, JointAtOutputs, Row, rigid_bodies
 
 Array = NDArray[np.float64]
 
-#: Regularisation of the multipliers, of the diagonal, and passes that take off what it leaves.
-REGULARISATION, PASSES = 1e-8, 6
-#: Distance from a node, in lengths of an element, at which a place is the node.
-AT_NODE = 1e-9
-
 
 def reactions_of(solution: Any) -> list[Array]:
-    """What each joint of a scene exerts on its first place, (n, 3): N, N, N m counter-clockwise, in fixed axes.
+    """What each joint of a scene exerts on its first place: force, N, and moment, N m, see `Solution.reaction`.
 
     Raises
     ------
@@ -42,32 +38,17 @@ def reactions_of(solution: Any) -> list[Array]:
     """
     rigid = rigid_bodies(solution)
     joints = [JointAtOutputs(solution, joint, rigid) for joint in solution.scene.joints]
-    rows = [list(joint.rows()) for joint in joints]
     equations = _Equations(solution)
+    rows = [[(equations.add(joint, row), row) for row in joint.rows()] for joint in joints]
+    multipliers, found = equations.multipliers(), []
     for joint, own in zip(joints, rows, strict=True):
-        for row in own:
-            equations.add(joint, row)
-    multipliers, first, found = equations.multipliers(), 0, []
-    for joint, own in zip(joints, rows, strict=True):
-        total = np.zeros((len(solution.t), 3))
-        for row in own:
-            count = row.value.shape[1]
-            total += _on_first_place(joint, row, multipliers[:, first : first + count])
-            first += count
-        found.append(total)
-    return found
-
-
-def _on_first_place(joint: JointAtOutputs, row: Row, multipliers: Array) -> Array:
-    """Force and moment of one equation of a joint on its first place, (n, 3)."""
-    found = np.zeros((len(multipliers), 3))
-    for slot in range(SLOTS):
-        if slot in row.slopes:
-            force = np.einsum("nr,nrc->nc", multipliers, row.slopes[slot])
-            if slot == 0:
-                found[:, :2] += force
-            else:
-                found[:, 2] += cross(joint.vectors[slot], force)
+        forces = np.zeros((SLOTS, len(solution.t), solution.scene.dim))
+        for columns, row in own:
+            for slot in set(row.slopes) & set(range(SLOTS)):
+                forces[slot] += np.einsum("nr,nrc->nc", multipliers[:, columns], row.slopes[slot])
+        turning = [slot for slot in range(1, SLOTS) if forces[slot].any()]
+        moments = (moment_of(joint.vectors[slot], forces[slot]) for slot in turning)
+        found.append(np.hstack([forces[0], sum(moments, moment_of(0.0 * forces[0], forces[0]))]))
     return found
 
 
@@ -75,14 +56,16 @@ class _Equations:
     """Equilibrium of nodes and rigid bodies, linear in the multipliers, at all outputs."""
 
     def __init__(self, solution: Any) -> None:
-        self.solution, self.count = solution, 0
+        self.solution, self.count, self.eye = solution, 0, np.eye(solution.scene.dim)
         self.beams = dict[str, HeldBeam]()
         #: First equation of each node of a beam, and rigid body; the known sum and the mass of each equation.
         self.first, self.sums, self.masses = dict[Any, int](), list[Array](), list[float]()
         self.at, self.factors = list[tuple[int, int]](), list[Array]()
 
-    def add(self, joint: JointAtOutputs, row: Row) -> None:
-        """One more equation of a joint, with multipliers of its own."""
+    def add(self, joint: JointAtOutputs, row: Row) -> slice:
+        """One more equation of a joint; returned are the places of its multipliers."""
+        first, rows = self.count, row.value.shape[1]
+        self.count += rows
         for vector, slope in row.slopes.items():
             place = joint.places[vector // SLOTS]
             if isinstance(place, Place):
@@ -91,51 +74,48 @@ class _Equations:
                     self._of_rigid(joint, vector, place) if rigid else self._of_beam(vector % SLOTS, place)
                 )
                 for equation, part in parts:
-                    self._put(equation, (slope * part[:, None]).sum(axis=2))
-        self.count += row.value.shape[1]
-
-    def _put(self, equation: int, factors: Array) -> None:
-        """Factors of the multipliers at hand, (n, rows), in an equation."""
-        for k, factor in enumerate(factors.T):
-            self.at.append((equation, self.count + k))
-            self.factors.append(factor)
+                    self.at += [(equation, first + k) for k in range(rows)]
+                    self.factors += [*(slope * part[:, None]).sum(axis=2).T]
+        return slice(first, self.count)
 
     def _of_rigid(self, joint: JointAtOutputs, vector: int, place: Place) -> Iterator[tuple[int, Array]]:
-        """Part that a force on a vector of a place has in the sums of forces and moments on a rigid body, (n, 2)."""
+        """Parts of a force on a vector of a place in the sums of forces and moments on a rigid body, (n, dim)."""
         body = place.body
         if body.name not in self.first:
-            self.first[body.name] = len(self.sums)
             force, moment = _held(self.solution, body)
-            self.sums += [force[:, 0], force[:, 1], moment]
-            self.masses += [body.mass, body.mass, inertia_of(body) or 1.0]
+            mass, inertia = body.mass, float(inertia_of(self.solution, body).sum())
+            masses = [mass] * force.shape[1] + [inertia] * moment.shape[1]
+            self._begin(body.name, [*force.T, *moment.T], masses)
         first, arm = self.first[body.name], joint.vectors[vector]
         if vector % SLOTS == 0:
-            yield from enumerate(np.eye(2)[:, None], start=first)
+            yield from enumerate(self.eye[:, None], start=first)
             arm = arm - _center(self.solution, body)
-        if inertia_of(body):  # a point mass bears no moment
-            yield first + 2, np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        if not isinstance(body, PointMass):  # which bears no moment
+            moments = np.stack([moment_of(arm, np.broadcast_to(e, arm.shape)) for e in self.eye], axis=-1)
+            yield from enumerate(np.moveaxis(moments, 1, 0), start=first + len(self.eye))
 
     def _of_beam(self, slot: int, place: Place) -> Iterator[tuple[int, Array]]:
         """The same in the sums of forces on the vectors of the nodes next to a place of a beam."""
         name = place.body.name
         if name not in self.beams:
             self.beams[name] = HeldBeam(self.solution, name)
-        for node, weights in _nodes(self.beams[name], slot, float(place.key)):
-            if (name, node) not in self.first:
-                self._begin(self.beams[name], node)
-            for k, weight in enumerate(weights):
-                if weight:
-                    yield from enumerate(weight * np.eye(2)[:, None], start=self.first[name, node] + 2 * k)
+        beam = self.beams[name]
+        number, x = beam.element_at(float(place.key))
+        weights = beam.element.turning(x)[0] if slot == 2 else beam.element.axis(x, slot)[0]
+        for node, of_node in zip((number, number + 1), np.split(weights, 2), strict=True):
+            if of_node.any():
+                if (name, node) not in self.first:
+                    sums = np.moveaxis(beam.at_node(node), 0, -1).reshape(-1, len(self.solution.t))
+                    self._begin((name, node), [*sums], np.repeat(beam.mass_of(node), len(self.eye)).tolist())
+                for k, part in enumerate(np.kron(of_node[:, None], self.eye)):
+                    if part.any():
+                        yield self.first[name, node] + k, part[None]
 
-    def _begin(self, beam: HeldBeam, node: int) -> None:
-        """Write down the sums of the generalized forces on a node."""
-        self.first[beam.name, node] = len(self.sums)
-        held, half = beam.at_node(node), beam.q.shape[2]
-        first, last = np.split(np.diag(beam.element.mass), 2)
-        mass = last * (node > 0) + first * (node < beam.count)
-        for k in range(half):
-            self.sums += [held[:, k, 0], held[:, k, 1]]
-            self.masses += [float(mass[k])] * 2
+    def _begin(self, key: Any, sums: list[Array], masses: list[float]) -> None:
+        """Write down the sums of forces on a node or a body."""
+        self.first[key] = len(self.sums)
+        self.sums += sums
+        self.masses += masses
 
     def multipliers(self) -> Array:
         """All multipliers, (n, count)."""
@@ -151,49 +131,49 @@ class _Equations:
 
 
 def _least_squares(A: Any, right: Array, weight: Array) -> Array:
-    """x of the least Σ weight (right − A x)², and of these the least."""
+    """x of the least Σ weight (right − A x)², and of these the least: what regularisation leaves is taken off again."""
     weighted = A.T @ scipy.sparse.diags_array(weight)
     S = scipy.sparse.csc_array(weighted @ A)
     size = S.diagonal()
-    soft = scipy.sparse.diags_array(np.where(size > 0.0, REGULARISATION * size, 1.0))
+    soft = scipy.sparse.diags_array(np.where(size > 0.0, 1e-8 * size, 1.0))
     factors, x = scipy.sparse.linalg.splu(scipy.sparse.csc_array(S + soft)), np.zeros(len(size))
-    for _ in range(PASSES):
+    for _ in range(6):
         x += factors.solve(weighted @ (right - A @ x))
     return x
 
 
-def _nodes(beam: HeldBeam, slot: int, fraction: float) -> list[tuple[int, Array]]:
-    """Nodes of whose vectors a vector of a place is made, each with the weights of these."""
-    place, half = fraction * beam.count, beam.q.shape[2]
-    node = round(place)
-    if abs(place - node) <= AT_NODE:
-        return [(node, np.eye(half)[slot])]
-    number, element = int(place), beam.element
-    x = place - number
-    weights = element.turning(x)[0] if slot == 2 else element.axis(x, slot)[0]
-    return [(number, weights[:half]), (number + 1, weights[half:])]
+def inertia_of(solution: Any, body: Body) -> Array:
+    """Inertia I_k of each vector u_k that turns with a rigid body, kg m²: its angular momentum is Σ I_k u_k × u̇_k.
 
-
-def inertia_of(body: Body) -> float:
-    """Moment of inertia about the centre of mass of a body that does not bend, kg m²; 0 of a point mass."""
-    return body.mass * body.length**2 / 12.0 if isinstance(body, Beam) else getattr(body, "inertia", 0.0)
+    In the plane its one vector has the moment of inertia, (1,), in space each axis ∫ x_k² dm, (3,).
+    """
+    if isinstance(body, Beam):
+        return np.array([body.mass * body.length**2 / 12.0])
+    if isinstance(body, PointMass):
+        return np.empty(0)
+    if body.dim == 2:
+        return np.array([body.inertia])
+    axes = np.array(solution.fields[body.name].axes)
+    moments = np.diag(axes @ np.array(body.inertia) @ axes.T)
+    return np.asarray(0.5 * moments.sum() - moments)
 
 
 def _center(solution: Any, body: Body) -> Array:
-    """Centre of mass, (n, 2), m."""
-    return np.asarray(solution.fields[body.name].position(0.5 if isinstance(body, Beam) else "center"))
+    """Centre of mass, (n, dim), m."""
+    return np.asarray(solution.fields[body.name].position(0.5 if isinstance(body, Beam) else CENTER))
 
 
 def _held(solution: Any, body: Body) -> tuple[Array, Array]:
-    """Force (n, 2) and moment about its centre (n,) on a rigid body of all that is no load, weight or connector.
+    """Force and moment about its centre on a rigid body of all that is no load, weight or connector.
+
+    A point mass has no moment, (n, 0).
 
     Raises
     ------
     ResultError
         If the solution has no accelerations.
     """
-    name = body.name
-    field = solution.fields[name]
+    name, field = body.name, solution.fields[body.name]
     if not isinstance(field, NodalField) or (field.accelerations is None and not solution.static):
         raise ResultError(
             f"reactions at {name!r} need accelerations, which solver {solution.solver!r} does not keep"
@@ -202,13 +182,16 @@ def _held(solution: Any, body: Body) -> tuple[Array, Array]:
     a = np.zeros_like(q) if a is None else a
     if isinstance(body, Beam):  # both of its nodes have r, and r_x, a unit vector that turns with it
         force = body.mass * a[:, :, 0].mean(axis=1) - body.length * along(solution, name)
-        turning = cross(q[:, 0, 1], a[:, 0, 1])
+        q, a = q[:, 0], a[:, 0]
     else:
-        factor = solution.t if solution.static else np.ones(len(q))
-        force = body.mass * (a[:, 0] - np.outer(factor, solution.scene.gravity))
-        turning = cross(q[:, -1], a[:, -1])
-    center, moment = _center(solution, body), inertia_of(body) * turning
-    for action in actions_on(solution, name):
-        force = force - action.force
-        moment = moment - action.moment - cross(field.position(action.place.key) - center, action.force)
+        force = body.mass * (a[:, 0] - np.outer(load_factors(solution), solution.scene.gravity))
+    actions = list(actions_on(solution, name))
+    force = force - sum(action.force for action in actions)
+    if isinstance(body, PointMass):
+        return force, np.empty((len(force), 0))
+    second, center = inertia_of(solution, body), _center(solution, body)
+    moment = sum(s * moment_of(q[:, k], a[:, k]) for k, s in enumerate(second, start=1))
+    for action in actions:
+        arm = field.position(action.place.key) - center
+        moment = moment - action.moment - moment_of(arm, action.force)
     return force, moment

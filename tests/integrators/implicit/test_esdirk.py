@@ -1,27 +1,24 @@
-"""The method of fourth order: its coefficients, order and level of error, stages, energy, and what it refuses."""
+"""The method of fourth order: coefficients, order with constraints and drives, gaps, work, and what it refuses."""
 
-from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
+from math import pi
 
 import numpy as np
 import pytest
+from driven_bead import bead
 from samples import SOFT, SQUARE, acted_on, bar, linkage
-from scipy.integrate import solve_ivp
 
 import anctmm as at
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import stages
-from anctmm.model.drives import Quintic
-from reference.global_dae.layout import Layout
-from reference.global_dae.saddle import Nearest, Saddle
-from reference.global_dae.system import System
 
+ROD, WEAK = at.Rectangle(0.04, 0.04), at.Material(E=2e4, density=1100.0)
 GRAVITY = (0.0, -9.81)
 
 
-def beam(name, start, end):
-    return at.Beam(name, start, end, SQUARE, SOFT)
+def link(name, center, *ends):
+    points = dict(zip("ab", ends, strict=False))
+    return at.RigidBody(name, mass=1.0, inertia=0.02, center=center, points=points)
 
 
 def falling():
@@ -30,89 +27,102 @@ def falling():
 
 def triangle():
     """A welded triangle that swings: a loop that does not pass through the ground."""
-    a, b, c = (0.0, 0.0), (0.4, 0.0), (0.1, -0.3)
-    bodies = [beam("one", a, b), beam("two", b, c), beam("three", c, a)]
-    joints = [at.Pin("one.start", "three.end", grounded=True), at.Weld("one.end", "two.start")]
-    joints.append(at.Weld("two.end", "three.start"))
+    corners = {
+        "one": ((0.0, 0.0), (0.4, 0.0)),
+        "two": ((0.4, 0.0), (0.1, -0.3)),
+        "three": ((0.1, -0.3), (0.0, 0.0)),
+    }
+    bodies = [at.Beam(name, *ends, SQUARE, SOFT) for name, ends in corners.items()]
+    joints = [
+        at.Pin("one.start", "three.end", grounded=True),
+        at.Weld("one.end", "two.start"),
+        at.Weld("two.end", "three.start"),
+    ]
     return at.Scene("triangle", bodies, joints, gravity=GRAVITY)
 
 
-def freed():
-    """The linkage whose driven clamp leaves the stretch free."""
-    scene = linkage(0.4)
-    return replace(scene, joints=(replace(scene.joints[0], stretch="free"), *scene.joints[1:]))
+def four_bar():
+    """A loop of rigid bodies that falls."""
+    a, b, c, d = (0.0, 0.0), (0.0, 0.3), (0.5, 0.4), (0.5, 0.0)
+    bodies = [link("one", (0, 0.15), a, b), link("two", (0.25, 0.35), b, c), link("three", (0.5, 0.2), c, d)]
+    joints = [at.Pin("one.a"), at.Pin("one.b", "two.a"), at.Pin("two.b", "three.a"), at.Pin("three.b")]
+    return at.Scene("four-bar", bodies, joints, gravity=(4.0, -9.81))
 
 
-def fan():
-    """Two beams, welded to each other, turned by a clamp that leaves the stretch free; a third on a fixed one."""
+def driven_weld():
+    """A drive turns a rigid arm about another one that swings, with a damped spring at its end."""
+    bodies = [link("one", (0.2, 0), (0, 0), (0.4, 0)), link("two", (0.6, 0), (0.4, 0), (0.8, 0))]
+    weld = at.Weld("one.b", "two.a", angle=at.Quintic(pi / 2, 0.2))
+    spring = at.Spring("two.b", (0.8, -0.5), stiffness=30.0, damping=0.5)
+    return at.Scene("driven weld", bodies, [at.Pin("one.a"), weld], gravity=GRAVITY, connectors=[spring])
+
+
+def pulled_beam():
+    """A drive pulls one end of a soft beam along the ground; a weld at the other leaves the stretch free."""
     bodies = [
-        beam("one", (0, 0), (0.4, 0.3)),
-        beam("two", (0, 0), (-0.3, 0.2)),
-        beam("three", (1, 0), (1, 0.4)),
+        at.Beam("one", (0, 0), (0.3, 0), ROD, WEAK),
+        at.Beam("two", (0.3, 0), (0.6, 0), ROD, WEAK),
     ]
+    guide = at.Slider("one.start", (1.0, 0.5), position=at.Quintic(0.1, 0.2))
+    return at.Scene("pulled", bodies, [guide, at.Weld("one.end", "two.start", stretch="free")])
+
+
+def carried_plate():
+    """A plate on the end of a soft beam that a drive turns while its stretch is free."""
+    beam = at.Beam("beam", (0, 0), (0.3, 0), ROD, WEAK)
+    plate = at.RigidBody("plate", mass=0.2, inertia=1e-3, center=(0.35, 0.02), points={"a": (0.3, 0)})
     joints = [
-        at.Clamp("one.start", angle=Quintic(1.0, 0.2), stretch="free"),
-        at.Weld("one.start", "two.start"),
-        at.Clamp("three.start", stretch="free"),
+        at.Clamp("beam.start", angle=at.Quintic(1.0, 0.2), stretch="free"),
+        at.Weld("beam.end", "plate.a"),
     ]
-    return at.Scene("fan", bodies, joints, gravity=GRAVITY)
+    return at.Scene("carried", [beam, plate], joints, gravity=GRAVITY)
 
 
-#: By name: the scene, elements of each beam, and their kind.
+#: Scenes, their elements, places that are looked at, the longest of three steps and the end, s.
 SCENES = {
-    "falling": (falling, 2, "cable"),
-    "linkage": (partial(linkage, 0.4), 1, "cable"),
-    "triangle": (triangle, 1, "cable"),
-    "freed": (freed, 1, "cable"),
-    "falling, shear": (falling, 2, "shear"),
-    "linkage, shear": (partial(linkage, 0.4), 1, "shear"),
-    "fan, shear": (fan, 1, "shear"),
-    "linkage, quintic": (partial(linkage, 0.4), 1, "quintic"),
-    "fan, quintic": (fan, 1, "quintic"),
+    "four-bar": (four_bar, "cable", ("two.center", "two.b"), 1e-2, 0.2),
+    "bead": (bead, "cable", ("bead.center",), 1e-2, 0.2),
+    "driven weld": (driven_weld, "cable", ("two.b",), 1e-2, 0.2),
+    "pulled": (pulled_beam, "cable", ("one.start", "two.end"), 2e-3, 0.2),
+    "carried": (carried_plate, "cable", ("plate.center", "beam.end"), 2e-3, 0.2),
+    "triangle": (triangle, "cable", ("one.end", "two.end"), 5e-4, 0.03),
+    "linkage": (partial(linkage, 0.4), "quintic", ("crank.end", "last.start"), 2.5e-4, 0.03),
+    "shear": (falling, "shear", ("bar.end",), 2.5e-4, 0.03),
 }
 
 
-def of_quintics(name):
-    """Whether a scene is of quintic cables, whose kernels take Python long."""
-    return "quintic" in name
+@cache
+def fixed(name, divisor, **options):
+    """A run with the longest step, or a part of it, which several tests look at."""
+    make, element, _, dt, t_end = SCENES[name]
+    scene = make()
+    mesh = {"mesh": 1, "element": element} if scene.beams else {}
+    steps = {"dt": dt / divisor, "t_end": t_end, "output_dt": t_end / 10, "newton_tolerance": 1e-15}
+    return at.solve(scene, **mesh, **steps, **options)
 
 
-def coordinates(found):
-    """All coordinates of a solution, (outputs, dofs)."""
-    fields = [found.fields[body.name] for body in found.scene.bodies]
-    return np.concatenate([f.coordinates.reshape(len(found.t), -1) for f in fields], axis=1)
+def path(name, divisor, **options):
+    found = fixed(name, divisor, **options)
+    assert found.status.code == "ok"
+    return np.concatenate([found.position(place) for place in SCENES[name][2]], axis=1)
 
 
-class Dense:
-    """The same equations of a scene for SciPy, all matrices dense."""
-
-    def __init__(self, scene, run):
-        self.system = System(Layout(scene, run))
-        layout, c = self.system.layout, self.system.constraints
-        self.q, p = layout.reference.copy(), c.parameters(0.0)
-        J = c.jacobian(self.q, p)
-        self.v = layout.velocity - Nearest(J)(J @ layout.velocity + c.rate(self.q, p))
-
-    def force(self, t, q, v):
-        return self.system.force(q, v, t) + self.system.beams.damping(q, v)
-
-    def accelerations(self, t, q, v):
-        c = self.system.constraints
-        p = c.parameters(t)
-        return Saddle(self.system.mass, c.jacobian(q, p)).solve(self.force(t, q, v), c.right(q, v, p))[0]
-
-    def by_scipy(self, times):
-        """DOP853, explicit and of order 8."""
-        n = len(self.q)
-        found = solve_ivp(
-            lambda t, x: np.concatenate([x[n:], self.accelerations(t, x[:n], x[n:])]),
-            (0.0, times[-1]), np.concatenate([self.q, self.v]), "DOP853", times, rtol=1e-10, atol=1e-12,
-        )  # fmt: skip
-        assert found.success
-        return found.y[:n].T
+@pytest.mark.parametrize("name", SCENES)
+def test_their_order_is_four_and_their_limit_that_of_steps_of_second_order(name):
+    four, two, one = (path(name, k, integrator="esdirk") for k in (1, 2, 4))
+    assert np.log2(np.abs(four - two).max() / np.abs(two - one).max()) == pytest.approx(4.0, abs=0.5)
+    coarse, fine = (path(name, k, integrator="generalized-alpha", spectral_radius=1.0) for k in (2, 4))
+    off = np.abs(fine + (fine - coarse) / 3.0 - one).max()
+    assert 1e-13 < off < 0.1 * np.abs(fine - one).max()  # as far as the extrapolation is exact
 
 
-# --- coefficients ------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["bead", "driven weld", "pulled", "carried"])
+def test_drives_and_forces_do_the_work_that_energies_show(name):
+    found = [fixed(name, k, integrator="esdirk") for k in (1, 2, 4)]
+    lost = [np.abs(each.energy.balance).max() for each in found]
+    size = max(np.abs(found[-1].energy.kinetic).max(), np.abs(found[-1].energy.work).max())
+    assert lost[2] < 1e-5 * size
+    assert lost[2] < lost[0] / 64.0 + 1e-13 * size
 
 
 def test_conditions_of_order_four():
@@ -130,118 +140,65 @@ def test_conditions_of_order_four():
     assert set(np.diag(A)) == {0.0, 0.25}
 
 
-# --- motion ------------------------------------------------------------------------------------------------
-
-
-#: Largest error of any coordinate in 0.03 s by steps of 0.5 ms, or of 0.25 ms where those do not resolve what vibrates;
-#: the thickness of shear elements is too stiff for an explicit method of SciPy to be more exact.
-LEVELS = {
-    "falling": 1e-6, "linkage": 2e-6, "triangle": 1e-6, "freed": 5e-6, "linkage, quintic": 3e-5, "fan, quintic": 5e-5,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", LEVELS)
-def test_fourth_order_against_scipy(name):
-    """Half a step leaves a sixteenth of the error; its level is asserted, too."""
-    make, mesh, element = SCENES[name]
-    scene, errors, exact = make(), [], None
-    for dt in (2.5e-4, 1.25e-4) if element == "quintic" else (5e-4, 2.5e-4):
-        run = Discretisation(
-            mesh,
-            element=element,
-            integrator="esdirk",
-            dt=dt,
-            t_end=0.03,
-            output_dt=0.01,
-            newton_tolerance=1e-13,
-        )
-        found = at.solve(scene, run)
-        exact = Dense(scene, run).by_scipy(found.t) if exact is None else exact
-        errors.append(float(np.abs(coordinates(found) - exact).max()))
-    assert errors[0] < LEVELS[name], errors
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.5)
-
-
 def test_dampers_springs_and_followers_keep_the_order_and_the_balance_of_energy():
-    scene, found = acted_on(), []
-    for dt in (4e-3, 2e-3, 1e-3):
-        run = Discretisation(
-            2, integrator="esdirk", dt=dt, t_end=0.04, output_dt=0.02, newton_tolerance=1e-13
-        )
-        found.append(at.solve(scene, run))
-    differences = [np.abs(coordinates(a) - coordinates(b)).max() for a, b in pairwise(found)]
+    options = {"mesh": 2, "t_end": 0.04, "output_dt": 0.02, "newton_tolerance": 1e-13}
+    found = [at.solve(acted_on(), integrator="esdirk", dt=dt, **options) for dt in (4e-3, 2e-3, 1e-3)]
+    ends = [each.position("bar.end") for each in found]
+    differences = [np.abs(a - b).max() for a, b in pairwise(ends)]
     assert differences[0] < 1e-4
     assert np.log2(differences[0] / differences[1]) == pytest.approx(4.0, abs=0.7)
     balance = [np.abs(x.energy.balance).max() for x in found]
     assert balance[2] < 1e-6 * np.abs(found[2].energy.work).max()
     assert balance[2] < balance[1] / 8.0
-    usual = at.solve(scene, Discretisation(2, dt=2e-4, t_end=0.04, output_dt=0.02, spectral_radius=1.0))
-    assert np.abs(coordinates(usual) - coordinates(found[2])).max() < 1e-4
+    usual = at.solve(acted_on(), dt=2e-4, spectral_radius=1.0, **options)
+    assert np.abs(usual.position("bar.end") - ends[2]).max() < 1e-4
 
 
-def test_energy_of_a_long_swing_stays():
-    """400 steps, some eight periods: what the method takes is of sixth order in the step."""
-    scene = bar([at.Pin("bar.start")], gravity=GRAVITY)
-    lost = []
-    for dt in (2e-2, 1e-2):
-        run = Discretisation(1, integrator="esdirk", dt=dt, t_end=2.0, output_dt=0.1)
-        found = at.solve(scene, run)
-        assert found.status.ok
-        lost.append(np.abs(found.energy.balance).max() / found.energy.kinetic.max())
-    assert lost[1] < 1e-3
-    assert lost[1] < lost[0] / 4.0
+@pytest.mark.parametrize("tolerance", [None, 1e-3])
+def test_joints_stay_closed_to_rounding(tolerance):
+    """Kept as accelerations alone, positions would leave each other by the error of the steps."""
+    steps = {"dt": 2e-2} if tolerance is None else {"tolerance": tolerance}
+    found = at.solve(four_bar(), integrator="esdirk", t_end=1.0, output_dt=0.02, **steps)
+    assert found.status.ok
+    for one, two in (("one.b", "two.a"), ("two.b", "three.a")):
+        assert np.abs(found.position(one) - found.position(two)).max() < 1e-13
+    for place in ("one.a", "three.b"):
+        assert np.abs(found.displacement(place)).max() < 1e-13
+    arm = found.position("one.b") - found.position("one.a")
+    assert np.abs(np.hypot(*arm.T) - 0.3).max() < 1e-13
 
 
-# --- what is refused, and how runs end ---------------------------------------------------------------------
-
-
-def test_a_point_mass_a_slider_and_an_object_as_integrator():
-    """Constraints with constant coefficients cost no order; the object is its name."""
-    ball = at.PointMass("ball", 0.1, (0.6, 0.8))
-    bars = falling().bodies
-    joints = [at.Slider("bar.start", (1.0, 0.0)), at.Pin("bar.end", "ball.center")]
-    scene = at.Scene("sliding", [*bars, ball], joints, gravity=GRAVITY)
-    runs = [
-        at.solve(
-            scene, mesh=1, integrator=at.Esdirk(), dt=dt, t_end=0.04, output_dt=0.02, newton_tolerance=1e-13
-        )
-        for dt in (2e-3, 1e-3, 5e-4)
-    ]
-    one, two = (np.abs(coordinates(a) - coordinates(b)).max() for a, b in pairwise(runs))
-    assert np.log2(one / two) == pytest.approx(4.0, abs=0.6)
-    assert runs[0].run == Discretisation(
-        1, integrator="esdirk", dt=2e-3, t_end=0.04, output_dt=0.02, newton_tolerance=1e-13
-    )
+def test_a_floating_pair_keeps_its_momenta():
+    one = at.RigidBody("one", 1.0, 0.02, (0, 0), {"a": (0.2, 0)}, velocity=(0.3, -0.1), spin=4.0)
+    two = at.RigidBody("two", 0.5, 0.01, (0.4, 0.1), {"a": (0.2, 0)}, velocity=(-0.1, 1.5), spin=4.0)
+    scene = at.Scene("pair", [one, two], [at.Pin("one.a", "two.a")])
+    found = at.solve(scene, integrator="esdirk", dt=5e-3, t_end=0.5, output_dt=0.05)
+    total = sum(body.mass * found.velocity(f"{body.name}.center") for body in (one, two))
+    assert np.abs(total - total[0]).max() < 1e-12
+    assert np.abs(found.energy.balance).max() < 1e-6 * found.energy.kinetic.max()
 
 
 def test_a_stage_that_is_not_found_says_when():
     scene = bar([at.Clamp("bar.start")], gravity=(0.0, -1e9))
-    found = at.solve(scene, mesh=1, integrator="esdirk", dt=0.1, t_end=1.0)
+    found = at.solve(scene, mesh=1, integrator=at.Esdirk(), dt=0.1, t_end=1.0)
+    assert found.run.integrator == "esdirk"
     assert found.status.code == "diverged"
     assert len(found.t) < 11
     assert found.status.time is not None
     assert "a smaller dt than 0.1 s" in found.status.message
 
 
-def test_a_preloaded_start_at_rest_stays():
-    scene = falling()
-    rest = at.solve_static(scene, mesh=2)
-    found = at.solve(scene, mesh=2, integrator="esdirk", dt=1e-2, t_end=0.1, start=rest)
-    assert np.abs(coordinates(found) - coordinates(found)[0]).max() < 1e-9
-
-
 @pytest.mark.xfail(strict=True, reason="long steps of a stiff bar turn elements inside out")
-@pytest.mark.parametrize("strain", [-1e-3, 1e-5, 1e-3])
+@pytest.mark.parametrize("strain", [-1e-3, 1e-3])
 @pytest.mark.parametrize("damping", [0.0, 1e-3])
-@pytest.mark.parametrize("dt", [1e-2, 2e-2])
-def test_a_stiff_bar_under_a_load_that_acts_at_once_comes_to_rest(strain, damping, dt):
+def test_a_stiff_bar_under_a_load_that_acts_at_once_comes_to_rest(strain, damping):
     """F/EA, however long the step: bars had turned inside out, some with status ok, when stages started from F/m."""
     E, area = 7e10, 1e-4
     metal = at.Material(E, 2700.0, damping=damping)
     beam = at.Beam("bar", (0, 0), (1, 0), at.Rectangle(0.02, 0.005), metal)
     load = at.Force("bar.end", (strain * E * area, 0.0))
     scene = at.Scene("bar", [beam], [at.Clamp("bar.start", stretch="free")], [load])
-    run = at.solve(scene, mesh=4, dt=dt, t_end=0.4, integrator="esdirk")
+    run = at.solve(scene, mesh=4, dt=1e-2, t_end=0.4, integrator="esdirk")
     assert run.status.ok
     # N of Green's strain: EA (e + e²/2) (1 + e) = F
     assert run.position("bar.end")[-1, 0] - 1.0 == pytest.approx(strain, rel=2.0 * abs(strain) + 1e-4)

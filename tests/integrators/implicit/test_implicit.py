@@ -1,15 +1,13 @@
-"""Generalized-α: its coefficients, order, energy, Newton's counts, and how a run ends."""
-
-from math import pi
+"""Generalized-α: its coefficients, order, energy, dissipation, and how a run ends."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import KINDS, bar, gap, system_of
+from samples import KINDS, bar
 
+import anctmm as at
 from anctmm.discretise.methods import GeneralizedAlpha
-from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Force, Pin
 from anctmm.solve import solve, solve_static
 
@@ -19,10 +17,6 @@ every_kind = pytest.mark.parametrize("kind", KINDS)
 
 def run(scene, dt, t_end, **options):
     return solve(scene, **{"mesh": 2, "dt": dt, "t_end": t_end, "newton_tolerance": 1e-13, **options})
-
-
-def driven():
-    return bar([Clamp("bar.start", Quintic(pi / 4, 0.2))], gravity=GRAVITY)
 
 
 # --- coefficients ------------------------------------------------------------------------------------------
@@ -52,53 +46,20 @@ def test_stable_at_every_frequency(rho, exponent):
     assert values.max() < 1.0 + 1e-6
 
 
-def test_small_vibration_follows_the_amplification_matrix():
-    """One element, its lowest mode struck: the same recursion as a scalar oscillator, for 200 steps."""
-    force = 1e-6
-    scene = bar([Clamp("bar.start")], [Force("bar.end", (-0.8 * force, 0.6 * force))])
-    (mesh,), h, rho = system_of(scene, mesh=1).mesh.beams, 5e-3, 0.7
-    e = mesh.element
-    across = np.array([-0.8, 0.6])
-    K = np.einsum("icjd,c,d->ij", e.tangent(mesh.reference.reshape(4, 2)), across, across)[2:, 2:]
-    values, modes = np.linalg.eig(np.linalg.solve(e.mass[2:, 2:], K))
-    rest = np.linalg.solve(K, [force, 0.0])
-    parts = np.linalg.solve(modes, -rest)
-    history = np.zeros(201)
-    for value, mode, part in zip(values, modes.T, parts, strict=True):
-        state, A = (
-            np.array([part, 0.0, -value * part]) * [1, h, h * h],
-            amplification(rho, h * np.sqrt(value)),
-        )
-        for n in range(201):
-            history[n] += state[0] * mode[0]
-            state = A @ state
-    motion = run(scene, h, 200 * h, mesh=1, spectral_radius=rho)
-    assert np.abs(motion.displacement("bar.end") @ across - (history + rest[0])).max() < 1e-5 * np.abs(
-        rest[0]
-    )
+@pytest.mark.parametrize("rho", [0.0, 0.7])
+def test_small_vibration_follows_the_amplification_matrix(rho):
+    """A mass on a spring: the recursion of a scalar oscillator, for 200 steps."""
+    frequency, h, start = 30.0, 2e-2, 1e-3
+    mass = at.PointMass("m", 1.0, (1.0 + start, 0.0))
+    spring = at.Spring("m.center", (0.0, 0.0), stiffness=frequency**2, length=1.0)
+    scene = at.Scene("oscillator", [mass], connectors=[spring])
+    found = at.solve(scene, dt=h, t_end=200 * h, spectral_radius=rho, newton_tolerance=1e-13)
+    state, A = start * np.array([1.0, 0.0, -((frequency * h) ** 2)]), amplification(rho, frequency * h)
+    history = [start] + [(state := A @ state)[0] for _ in range(200)]
+    assert found.position("m.center")[:, 0] - 1.0 == pytest.approx(history, abs=1e-9 * start)
 
 
 # --- order and energy --------------------------------------------------------------------------------------
-
-
-@every_kind
-@pytest.mark.parametrize("rho", [0.5, 0.9, 1.0])
-def test_order_is_two(kind, rho):
-    options = {"element": kind, "spectral_radius": rho, "output_dt": 0.01}
-    one, two, fine = (run(driven(), h, 0.2, **options) for h in (1e-4, 5e-5, 5e-5 / 8))
-    errors = gap(one, fine), gap(two, fine)
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
-    assert errors[0] < 2e-5
-
-
-@every_kind
-def test_explicit_and_implicit_agree_as_the_step_falls(kind):
-    scene = driven()
-    h = 1e-5 if kind == "cable" else 5e-6
-    fine = solve(scene, mesh=2, element=kind, integrator="zhai", dt=h, t_end=0.2, output_dt=0.2)
-    errors = [gap(run(scene, dt, 0.2, element=kind, output_dt=0.2), fine) for dt in (4e-4, 2e-4, 1e-4)]
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
-    assert errors[2] < 1e-5
 
 
 @every_kind
@@ -115,13 +76,6 @@ def test_energy_is_kept_to_the_order_of_the_step(kind):
     assert damped.energy.balance[-1] < -3.0 * sizes[0] * damped.energy.kinetic.max()
 
 
-def test_energy_of_a_large_motion_stays_near_for_many_steps():
-    scene = bar([Pin("bar.start")], gravity=GRAVITY)
-    motion = run(scene, 1e-3, 20.0, spectral_radius=1.0, output_dt=0.01)
-    assert motion.cost.steps == 20_000
-    assert np.abs(motion.energy.balance).max() < 5e-2 * motion.energy.kinetic.max()
-
-
 @every_kind
 def test_damping_annihilates_what_is_far_above_the_step(kind):
     """ρ∞ = 0 with half an axial period a step: soon the axial vibration is gone."""
@@ -134,47 +88,3 @@ def test_damping_annihilates_what_is_far_above_the_step(kind):
     assert rest == pytest.approx(1e-3 / (1e7 * 4e-4), rel=0.1)  # the clamp holds the stretch of its end
     assert np.abs(ends[0][-5:] - rest).max() < 1e-3 * rest
     assert np.abs(ends[1][-5:] - rest).max() > 0.5 * rest
-
-
-# --- driven clamp, counts, ends of runs ----------------------------------------------------------------------
-
-
-@every_kind
-def test_driven_clamp_is_held_exactly(kind):
-    scene, drive = driven(), Quintic(pi / 4, 0.2)
-    motion = run(scene, 1e-3, 0.25, element=kind)
-    q = motion.fields["bar"].coordinates[:, 0]
-    angle = np.arctan2(0.8, 0.6) + drive(motion.t)[0]
-    assert np.abs(q[:, 0]).max() < 1e-15
-    assert np.abs(q[:, 1] - np.stack([np.cos(angle), np.sin(angle)], axis=1)).max() < 1e-15
-    assert motion.energy.work[-1] == pytest.approx(
-        (motion.energy.kinetic + motion.energy.strain + motion.energy.potential)[-1], rel=5e-3
-    )
-
-
-@every_kind
-def test_run_that_fails_says_where_and_keeps_its_history(kind):
-    """A jerk beyond all reach at the end of the fifth step."""
-    scene = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, -1e70 * (t > 0.055)))])
-    motion = run(scene, 1e-2, 0.2, element=kind, mesh=3)
-    status = motion.status
-    assert status == "diverged"
-    assert (status.step, status.body, status.element in range(3)) == (6, "bar", True)
-    assert status.time == pytest.approx(0.06)
-    for word in (
-        "Newton",
-        "t = 0.06",
-        "step 6",
-        f"element {status.element} of body 'bar'",
-        "corrections",
-        "smaller dt",
-    ):
-        assert word in status.message
-    assert motion.t == pytest.approx(np.arange(6) * 0.01)
-    assert motion.cost.steps == 6
-    for series in (motion.position("bar", 1.0), *vars(motion.energy).values()):
-        assert len(series) == 6
-        assert np.isfinite(series).all()
-
-
-# --- factors in single precision ----------------------------------------------------------------------------

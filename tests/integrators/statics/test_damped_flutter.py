@@ -13,7 +13,6 @@ import anctmm as at
         (2.1, 0.0, "unstable"),
         (1.4, 0.01, "ok"),
         (1.5, 0.01, "unstable"),
-        (2.08, 0.3, "unstable"),
         (2.3, 3.0, "ok"),
     ],
 )
@@ -27,13 +26,11 @@ def test_damping_takes_part_in_flutter(load, damping, kind):
 @pytest.mark.parametrize(
     ("mesh", "damping", "load", "kind"),
     [
-        (4, 0.0, 15.0, "ok"),
+        (8, 0.0, 19.8, "ok"),
+        (8, 0.0, 20.3, "unstable"),
         (4, 5e-4, 10.0, "ok"),
         (4, 5e-4, 12.0, "unstable"),
-        (16, 5e-4, 12.0, "unstable"),
-        (16, 0.125, 15.0, "unstable"),
         (16, 0.62, 25.0, "ok"),
-        (64, 0.125, 9.0, "ok"),
     ],
 )
 def test_a_column_of_damped_material_flutters_from_less_load(mesh, damping, load, kind):

@@ -4,7 +4,7 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from samples import KINDS, SOFT, SQUARE, bar, row_scene
+from samples import KINDS, bar, row_scene
 from scipy.optimize import brentq
 
 import anctmm as at
@@ -27,35 +27,28 @@ def column(load, side=0.0, angle=0.0):
     return Scene("column", [beam], [Clamp("bar.start")], [Force("bar.end", force)])
 
 
-@pytest.mark.parametrize(("load", "negative"), [(1.5, 1), (9.2, 2), (25.5, 3)])
-def test_every_further_load_adds_a_negative_eigenvalue(load, negative):
-    """Odd squares of Euler's load, by both roads."""
-    count = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
+@pytest.mark.parametrize("load", [1.5, 9.2])
+def test_a_column_is_unstable_beyond_eulers_load(load):
+    """By both roads, from the first step beyond it."""
     for solver in (solve_static, global_dae.solve_static):
         found = solver(column(load * EULER), mesh=8, load_steps=4)
         assert found.status == "unstable"
-        assert count in solver(column(load * EULER), mesh=8).status.message
-        below = max(t for t in (0.0, 0.25, 0.5, 0.75) if t * load < 1.0)
-        assert found.status.time == below + 0.25
+        assert found.status.time == 0.25 * (int(4.0 / load) + 1)
 
 
 # --- the stable branch -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("side", [1e-3, -1e-3])
-@pytest.mark.parametrize("load", [1.05, 1.5, 4.0])
+@pytest.mark.parametrize(("load", "side"), [(1.05, 1e-3), (4.0, -1e-3)])
 def test_the_stable_branch_does_not_depend_on_load_steps_and_is_exact(load, side):
     """The column bends to the side of the small force, by the extensible elastica."""
     scene = column(load * EULER, side * EULER)
-    ends = [solve_static(scene, mesh=24, load_steps=n, branch="stable") for n in (1, 2, 3, 5, 7, 10)]
-    assert all(s.status.ok for s in ends)
-    tips = np.array([s.position("bar", 1.0)[-1] for s in ends])
-    assert np.ptp(tips, axis=0).max() == 0.0
-    assert tips[0, 1] * side > 0.0
-    shape = exact.cantilever_static(scene, "elastica")
-    assert np.abs(tips[0] - shape.position(1.0)).max() < 5e-5
-    assert ends[-1].t.tolist() == [k / 10 for k in range(11)]
-    path = ends[-1].position("bar", 1.0)
+    one, five = (solve_static(scene, mesh=24, load_steps=n, branch="stable") for n in (1, 5))
+    assert (one.status.ok, five.status.ok) == (True, True)
+    path = five.position("bar", 1.0)
+    assert np.array_equal(one.position("bar", 1.0)[-1], path[-1])
+    assert path[-1, 1] * side > 0.0
+    assert np.abs(path[-1] - exact.cantilever_static(scene, "elastica").position(1.0)).max() < 5e-5
     assert (np.diff(path[:, 0]) < 0.0).all()  # it bends more and more, and does not jump to and fro
 
 
@@ -69,12 +62,9 @@ def test_a_perfect_column_leaves_its_straight_equilibrium(kind, angle):
     assert straight.status == "unstable"
     assert bent.status.ok
     tip = bent.displacement("bar.end")[-1]
-    left = -sin(angle) * tip[0] + cos(angle) * tip[1]
-    assert left > 0.1
+    assert -sin(angle) * tip[0] + cos(angle) * tip[1] > 0.1
     total = [(s.energy.strain + s.energy.potential)[-1] for s in (straight, bent)]
     assert total[1] < total[0] - 1e-3 * abs(total[0])
-    flipped = solve_static(scene, mesh=4, element=kind, branch="stable")
-    assert np.array_equal(flipped.position("bar", 1.0)[-1], bent.position("bar", 1.0)[-1])
 
 
 def arch(load):
@@ -116,55 +106,33 @@ def test_a_roof_snaps_through_beyond_its_limit_load():
 # --- singular ones -----------------------------------------------------------------------------------------------
 
 
-def pendulum(up):
-    """A pinned bar that hangs (−1) or stands (1)."""
-    beam = Beam("bar", (0.0, 0.0), (0.0, up), SQUARE, SOFT)
-    return Scene("pendulum", [beam], [Pin("bar.start")], gravity=(0.0, -9.81))
-
-
 @every_kind
-@pytest.mark.parametrize("mesh", [1, 3])
 @pytest.mark.parametrize(
     "scene",
     [
         bar(),
-        bar([Pin("bar.start")]),
         row_scene("pin", [("pin", 0.3), ("pin", 0.2)], "pin"),
         row_scene("clamp", [("weld", 0.3), ("pin", 0.2)], "free"),
     ],
-    ids=["free", "pinned", "four-bar", "hanging part"],
+    ids=["free", "four-bar", "hanging part"],
 )
-def test_mechanisms_without_loads_are_singular_and_named(kind, mesh, scene):
-    found = solve_static(scene, mesh=mesh, element=kind)
+def test_mechanisms_without_loads_are_singular_and_named(kind, scene):
+    found = solve_static(scene, mesh=2, element=kind)
     assert found.status == "singular", found.status
     assert found.status.body in {b.name for b in scene.bodies}
     assert "mechanism" in found.status.message
     assert found.t.tolist() == [0.0, 1.0]
 
 
-@every_kind
-@pytest.mark.parametrize("solver", [solve_static, global_dae.solve_static])
-def test_a_pendulum_is_stable_below_and_unstable_above(kind, solver):
-    assert solver(pendulum(-1.0), mesh=3, element=kind).status.ok
-    assert solver(pendulum(1.0), mesh=3, element=kind).status == "unstable"
-
-
 @pytest.mark.parametrize("solve", [solve_static, global_dae.solve_static], ids=["anctmm", "dae"])
-@pytest.mark.parametrize(("mass", "height"), [(1.0, 1.0), (1e6, 10.0), (1e-6, 1e-3), (2.0, 0.5)])
+@pytest.mark.parametrize(("mass", "height"), [(1.0, 1.0), (1e6, 10.0), (1e-6, 1e-3)])
 def test_a_body_above_its_joint_stands_where_a_spring_outweighs_it(solve, mass, height):
     """Of a rotational spring at the joint: k > m g h."""
     body = at.RigidBody("body", mass, 0.1 * mass * height**2, (0.0, height), points={"foot": (0.0, 0.0)})
-    for part in (0.5, 0.99, 1.01, 2.0, 8.3):
+    for part in (0.99, 1.01, 8.3):
         spring = at.RotationalSpring("body.foot", stiffness=part * mass * 9.81 * height)
         scene = Scene("top-heavy", [body], [Pin("body.foot")], gravity=(0.0, -9.81), connectors=[spring])
         assert solve(scene).status.code == ("ok" if part > 1.0 else "unstable"), part
-
-
-@pytest.mark.parametrize("branch", ["path", "stable"])
-def test_what_falls_forever_has_no_equilibrium(branch):
-    found = solve_static(bar(gravity=(0.0, -9.81)), mesh=1, branch=branch)
-    assert found.status == "diverged"
-    assert found.t.tolist() == [0.0]
 
 
 def test_a_welded_frame_buckles_between_parts_of_eulers_load():
@@ -180,7 +148,7 @@ def test_a_welded_frame_buckles_between_parts_of_eulers_load():
         assert global_dae.solve_static(scene, mesh=4).status == code
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3, 1e-6])
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
 def test_a_body_that_a_damper_alone_holds_is_singular_in_any_unit_of_length(unit):
     """A damper has no stiffness: rounding told the sign of nothing."""
     center, hinge = (0.3 * unit, -0.4 * unit), (0.0, 0.0)

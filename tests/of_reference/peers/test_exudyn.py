@@ -6,7 +6,6 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
 from anctmm.model.bodies import distance
 from anctmm.model.drives import Pulse, Quintic
@@ -19,9 +18,7 @@ pytest.importorskip("exudyn")
 
 L, EI, EA = 2.0, 1e9 * 0.01 * 0.005**3 / 12, 1e9 * 0.01 * 0.005
 RHO_A, G = 2000.0 * 0.01 * 0.005, 9.81
-TIGHT = (1e-9, 1e-11)
 QUADRATURES = ("full", "reduced", "lobatto")
-RULES = {"full": ("gauss", 5, 3), "reduced": ("gauss", 4, 2), "lobatto": ("lobatto", 3, 2)}
 PEERS = (exudyn_cable, exudyn_reissner)
 
 
@@ -50,11 +47,6 @@ def four_bar(first, *loads):
     return Scene("four-bar", bodies, [first, *pins], loads)
 
 
-def coordinates(solution, body="beam"):
-    q = solution.fields[body].coordinates
-    return q.reshape(len(q), -1, 2)
-
-
 @pytest.mark.parametrize("quadrature", QUADRATURES)
 def test_small_tip_load_gives_euler_bernoulli(quadrature):
     P = 1e-6
@@ -63,45 +55,12 @@ def test_small_tip_load_gives_euler_bernoulli(quadrature):
     assert rest.position("beam", 1.0)[-1, 1] == pytest.approx(-P * L**3 / (3 * EI), rel=1e-8)
 
 
-def test_end_moment_rolls_up_a_circle():
-    angle = pi / 2
-    rest = exudyn_cable.solve_static(cantilever(Torque("beam.end", angle * EI / L)), mesh=16)
-    tip = L / angle * np.array([sin(angle), 1 - cos(angle)])
-    assert rest.position("beam", 1.0)[-1] == pytest.approx(tip, abs=2e-6)
-
-
-@pytest.mark.parametrize(("order", "elements", "error"), [(1, 32, 5e-4), (2, 8, 1e-6)])
-def test_reissner_beam_tends_to_timoshenko(order, elements, error):
+def test_reissner_beam_tends_to_timoshenko():
     P, shear = 1e-6, 1e9 / 2.6 * 0.01 * 0.005
     scene = cantilever(Force("beam.end", (0.0, -P)), poisson=0.3)
-    options = {"mesh": elements, "order": order, "shear_factor": 1e-4}
-    rest = exudyn_reissner.solve_static(scene, **options)
+    rest = exudyn_reissner.solve_static(scene, mesh=8, shear_factor=1e-4)
     exact = -P * L**3 / (3 * EI) - P * L / (1e-4 * shear)
-    assert rest.position("beam", 1.0)[-1, 1] == pytest.approx(exact, rel=error)
-
-
-@pytest.mark.parametrize("peer", PEERS)
-def test_falling_cantilever(peer):
-    run = Discretisation(mesh=16, dt=1e-3, t_end=1.0, output_dt=0.03, spectral_radius=1.0)
-    fall = peer.solve(cantilever(gravity=G), run)
-    assert fall.status.ok, fall.status
-    assert fall.cost.steps == 1000
-    assert 1000 <= fall.cost.newton_iterations < 8000
-    assert 1 <= fall.cost.factorizations < 1000
-    np.testing.assert_array_equal(fall.t, run.times(run.output_steps))
-    assert fall.t[[1, -2, -1]] == pytest.approx([0.03, 0.99, 1.0], abs=1e-15)
-    assert fall.position("beam", 0.0) == pytest.approx(np.zeros_like(fall.position("beam", 0.0)), abs=1e-12)
-
-
-def test_quadratures_differ_and_converge():
-    scene, differences = cantilever(gravity=G), []
-    for mesh in (8, 16):
-        full, reduced = (
-            exudyn_cable.solve(scene, mesh=mesh, quadrature=rule, dt=2e-3, t_end=0.6)
-            for rule in ("full", "reduced")
-        )
-        differences.append(compare(full, reduced, probes=["beam.end"]).error)
-    assert 1e-2 > differences[0] > differences[1] > 1e-7
+    assert rest.position("beam", 1.0)[-1, 1] == pytest.approx(exact, rel=1e-6)
 
 
 @pytest.mark.parametrize("peer", PEERS)
@@ -110,9 +69,9 @@ def test_four_bar(peer, first):
     driven = first == "angle"
     clamp, pin = Clamp("crank.start", Quintic(2 * pi, 2.0)), Pin("crank.start")
     scene = four_bar(clamp) if driven else four_bar(pin, Torque("crank.start", Pulse(2.0, 1.0)))
-    run = peer.solve(scene, mesh={"crank": 2, "coupler": 8, "follower": 2}, dt=2e-3, t_end=2.4)
+    run = peer.solve(scene, mesh={"crank": 2, "coupler": 8, "follower": 2}, dt=4e-3, t_end=2.4)
     assert run.status.ok, run.status
-    assert run.cost.steps == 1200
+    assert run.cost.steps == 600
     for one, two in (("crank", "coupler"), ("coupler", "follower")):
         assert np.abs(run.position(one, 1.0) - run.position(two, 0.0)).max() < 1e-9
     assert np.abs(run.position("follower", 1.0) - run.position("follower", 1.0)[0]).max() < 1e-9
@@ -184,7 +143,10 @@ def test_free_and_pinned_bodies_in_one_scene(peer):
 def test_unsupported_scenes_say_why(peer):
     free = cantilever()
     free = Scene("free", free.bodies, [Clamp("beam.start", stretch="free")])
-    for scene, more, named in ((cantilever(), {"integrator": "zhai"}, "explicit"), (free, {}, "stretch")):
+    for scene, more, named in (
+        (cantilever(), {"integrator": "zhai"}, "generalized-alpha alone"),
+        (free, {}, "stretch"),
+    ):
         answer = peer.solve(scene, mesh=2, dt=1e-5, t_end=1e-3, **more)
         assert answer.status == "unsupported"
         assert named in answer.status.message
@@ -230,20 +192,6 @@ def test_newton_that_fails_keeps_the_history_until_then():
     assert 1 < len(answer.t) < 21
     assert answer.t[-1] < answer.status.time
     assert np.isfinite(answer.position("beam", 1.0)).all()
-
-
-def test_tolerances_below_rounding_fail_and_say_so():
-    scene = four_bar(Pin("crank.start"), Torque("crank.start", Pulse(2.0, 1.0)))
-    answer = exudyn_cable.solve(scene, mesh=8, dt=1e-3, t_end=0.01, tolerances=(1e-7, 1e-9))
-    assert answer.status == "failed"
-    assert "absolute tolerance" in answer.status.message
-    assert exudyn_cable.solve(scene, mesh=8, dt=1e-3, t_end=0.01).status.ok
-
-
-def test_statics_of_a_free_body_fail():
-    answer = exudyn_cable.solve_static(Scene("free", [beam()], gravity=(0.0, -G)), mesh=2)
-    assert answer.status == "failed"
-    assert "hold every body" in answer.status.message
 
 
 def test_forces_are_those_of_cables_whatever_element_is_named():

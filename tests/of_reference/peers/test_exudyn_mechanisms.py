@@ -117,10 +117,6 @@ TENDING = {
         "press", [PLATE], [at.Prismatic("p.a", (1, 2))], [at.Force("p.b", (0.5, 0.2))], GRAVITY),
     "a beam in a plate's guide": hanging(
         bodies=(BEAM, PLATE), joints=[at.Slider("a.end", (1, 2), "p"), at.Pin("p.b")]),
-    "a beam in a plate's guide, not turning": hanging(
-        bodies=(BEAM, PLATE), joints=[at.Prismatic("a.end", (1, 2), "p", SHIFT), at.Pin("p.b")]),
-    "a mass in a plate's guide": at.Scene(
-        "collar", [TIP, PLATE], [at.Slider("m.center", (1, 2), "p"), at.Pin("p.b")], (), GRAVITY),
     "a plate in a plate's guide": at.Scene(
         "guide", [PLATE, CRANK], [at.Pin("p.a"), at.Slider("c.b", (1, 2), "p")], (), GRAVITY),
     "a plate driven in a plate": at.Scene(
@@ -132,10 +128,18 @@ TENDING = {
 }  # fmt: skip
 
 
+REFUSED = {
+    "a beam in a plate's guide, not turning": hanging(
+        bodies=(BEAM, PLATE), joints=[at.Prismatic("a.end", (1, 2), "p", SHIFT), at.Pin("p.b")]),
+    "a mass in a plate's guide": at.Scene(
+        "collar", [TIP, PLATE], [at.Slider("m.center", (1, 2), "p"), at.Pin("p.b")], (), GRAVITY),
+}  # fmt: skip
+
+
 #: Of which every run of the tests looks at the limits; at the others the exhaustive ones do.
 USUAL = {
-    "a plate with a spring", "a plate welded to a beam", "a driven crank", "a beam in a plate's guide, not turning",
-    "a mass in a plate's guide", "welded plates",
+    "a plate with a spring", "a plate welded to a beam", "a plate turned against a beam", "a driven crank",
+    "a beam in a plate's guide", "welded plates",
 }  # fmt: skip
 
 
@@ -164,15 +168,15 @@ def test_equal_steps_give_equal_motions(name):
 @pytest.mark.parametrize("name", usual(TENDING, USUAL))
 def test_rigid_bodies_tend_to_one_motion(name):
     scene = TENDING[name]
-    pairs = [both(scene, steps) for steps in (100, 200, 400)]
+    pairs = [both(scene, steps) for steps in (50, 100, 200)]
     for body in scene.bodies:
         apart = [e.position(probe(body)) - d.position(probe(body)) for e, d in pairs]
         sizes = [np.abs(x).max() for x in apart]
-        assert sizes[0] < 1e-5
+        assert sizes[0] < 4e-5
         while len(apart) > 1:
             factor = 4.0 ** (4 - len(apart))
             apart = [(factor * b - a) / (factor - 1.0) for a, b in pairwise(apart)]
-        assert np.abs(apart[0]).max() < 1e-8
+        assert np.abs(apart[0]).max() < 1e-7
 
 
 INSIDE = {name for name, scene in EQUAL.items() if "interior-loads" in dict(needs(scene))}
@@ -202,7 +206,7 @@ NOT_FOUND = {
     "a mass on a line",
     "a mass on a spring", "a plate that hangs", "two plates with springs", "a motor's law", "a plate on a slider",
     "a plate turned against a plate", "a driven crank", "a plate that slides and does not turn",
-    "a mass in a plate's guide", "a plate in a plate's guide", "a plate driven in a plate", "welded plates",
+    "a plate in a plate's guide", "a plate driven in a plate", "welded plates",
 }  # fmt: skip
 
 
@@ -228,6 +232,13 @@ def test_equilibria_that_exudyn_does_not_find_are_failures(name):
     status = exudyn_cable.solve_static(at_rest(TENDING[name]), mesh=2).status
     assert status.code == "failed"
     assert "found no equilibrium beyond load factor" in status.message
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_guides_that_exudyn_does_not_have_are_refused_by_name(name):
+    status = exudyn_cable.solve(REFUSED[name], mesh=2, dt=1e-3, t_end=1e-3).status
+    assert status.code == "unsupported"
+    assert "on a moving body; Exudyn has no joint for that" in status.message
 
 
 @pytest.mark.parametrize("name", sorted(INSIDE))

@@ -10,9 +10,6 @@ import pytest
 from rich.console import Console
 
 import anctmm as at
-from anctmm.errors import PluginError
-from anctmm.model.scene import Clamp
-from anctmm.results.ended_early import nothing
 from anctmm.solve import OFFER as OWN
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import FEATURES, Offer
@@ -24,11 +21,10 @@ from studies.conformance.check import (
     NOT_RUN,
     conform,
     exit_code,
-    passed,
     show,
 )
 from studies.conformance.rules import RULES, features_act, refuses_what_it_lacks
-from studies.conformance.scenes import ACTING, DEMANDS, RUNS, WITHOUT, cantilever
+from studies.conformance.scenes import ACTING, DEMANDS, RUNS, WITHOUT, cantilever, same
 from studies.conformance.subject import BrokenRule, Subject
 
 OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
@@ -49,46 +45,31 @@ def test_our_solvers_conform(name):
     assert len(findings) == len(RULES) + 1
 
 
-def test_what_is_not_installed_is_said_and_no_rule_is_broken(monkeypatch):
-    """Exudyn as it answers where it cannot be imported: exit code 2, nothing tested."""
+@pytest.mark.parametrize("name", ["exudyn-cable", "exudyn-reissner"])
+def test_what_is_not_installed_is_said_and_no_rule_is_broken(name, monkeypatch):
     monkeypatch.setitem(sys.modules, "exudyn", None)
-    for name in ("exudyn-cable", "exudyn-reissner"):
-        findings = list(conform(name))
-        verdicts = [f.verdict for f in findings]
-        assert verdicts == [HOLDS, NOT_INSTALLED, *[NOT_RUN] * len(RULES)]
-        assert "exudyn is not installed; pip install 'anctmm[peers]'" in findings[1].measured
-        assert not passed(findings)
-        assert exit_code(findings) == 4
+    findings = list(conform(name))
+    assert [f.verdict for f in findings] == [HOLDS, NOT_INSTALLED, *[NOT_RUN] * len(RULES)]
+    assert "exudyn is not installed; pip install 'anctmm[peers]'" in findings[1].measured
+    assert exit_code(findings) == 4
     console = Console(record=True, width=200)
     show(name, findings, console)
     assert f"1 holds, {len(RULES)} not run, 1 not installed" in console.export_text()
 
 
-def test_only_what_says_so_is_not_installed(plugged):
-    """A solver that declines a scene for another reason breaks rules."""
-    plugged(declines, rest, Offer())
-    findings = list(conform("broken"))
-    assert NOT_INSTALLED not in {f.verdict for f in findings}
-    assert exit_code(findings) == 1
-
-
-def test_opensees_conforms_in_what_it_offers():
-    findings = list(conform("opensees"))
+@pytest.mark.parametrize(
+    ("name", "lacking"),
+    [
+        ("opensees", {"energy", "integrators", "high order", "stability"}),
+        ("pyelastica", {"integrators", "high order", "joints", "branches", "loops", "stability"}),
+    ],
+)
+def test_other_codes_conform_in_what_they_offer(name, lacking):
+    findings = list(conform(name))
     if absent := [f.measured for f in findings if f.verdict == NOT_INSTALLED]:
         pytest.skip(absent[0])
-    assert passed(findings)
-    lacking = {f.rule for f in findings if f.verdict == NOT_OFFERED}
-    assert lacking == {"energy", "integrators", "high order", "stability"}
-
-
-def test_what_a_peer_lacks_is_shown_and_not_skipped():
-    pytest.importorskip("elastica", reason="PyElastica (extra `peers`) is not installed")
-    found = {f.rule: f for f in conform("pyelastica")}
-    assert passed(found.values())
-    lacking = {rule for rule, f in found.items() if f.verdict == NOT_OFFERED}
-    assert lacking == {
-        "integrators", "high order", "joints", "branches", "loops", "drives", "varying loads", "stability",
-    }  # fmt: skip
+    assert exit_code(findings) == 0
+    assert {f.rule for f in findings if f.verdict == NOT_OFFERED} == lacking
 
 
 # --- broken solvers: ours, with one thing wrong each ---------------------------------------------------------
@@ -145,26 +126,18 @@ def solving(change):
     return solve
 
 
-def each(name, change):
-    """A change of all bodies, joints, … of a scene."""
-    return lambda scene: replace(scene, **{name: [change(part) for part in getattr(scene, name)]})
-
-
 def stiffer(factor):
-    def change(b):
-        return (
-            replace(b, material=replace(b.material, E=factor * b.material.E)) if isinstance(b, at.Beam) else b
-        )
+    """A change of all beams of a scene."""
 
-    return each("bodies", change)
+    def change(b):
+        material = replace(b.material, E=factor * b.material.E) if isinstance(b, at.Beam) else None
+        return replace(b, material=material) if material else b
+
+    return lambda scene: replace(scene, bodies=[change(b) for b in scene.bodies])
 
 
 def needs_more(scene, run, magic):
     return at.solve(scene, run)
-
-
-def declines(scene, run):
-    return nothing("declines", scene, run, at.Status("unsupported", "no beams today"))
 
 
 def drops_the_end(scene, run):
@@ -191,21 +164,8 @@ def is_never_the_same(scene, run):
     return positions(at.solve(scene, run), lambda p: p + noise)
 
 
-def changes_its_input(scene, run):
-    answer = at.solve(scene, run)
-    object.__setattr__(run, "psi", 0.6)
-    return answer
-
-
 def takes_any_mesh(scene, run):
     return at.solve(scene, replace(run, mesh=8) if isinstance(run.mesh, dict) else run)
-
-
-def throws_divergence(scene, run):
-    answer = at.solve(scene, run)
-    if not answer.status.ok:
-        raise FloatingPointError(answer.status.message)
-    return answer
 
 
 def forgets_its_history(scene, run):
@@ -227,11 +187,8 @@ def steps_of_low_order(scene, run):
 
 def rests_under_more(scene, mesh, **options):
     more = 1.0 + 1.6 / mesh  # less and less, but too much still with 32 elements
-    heavier = each(
-        "loads",
-        lambda x: replace(x, value=tuple(more * np.array(x.value))) if isinstance(x, at.Force) else x,
-    )
-    return replace(at.solve_static(heavier(scene), mesh=mesh, **options), scene=scene)
+    loads = [replace(x, value=more * np.array(x.value)) for x in scene.loads]
+    return replace(at.solve_static(replace(scene, loads=loads), mesh=mesh, **options), scene=scene)
 
 
 def never_gains(scene, mesh, **options):
@@ -259,10 +216,8 @@ BREAKERS = [
     (answering(lambda a: replace(a, energy=replace(a.energy, kinetic=2.0 * a.energy.kinetic))), "energy"),
     (prefers_a_direction, "rigid motion"),
     (is_never_the_same, "determinism"),
-    (changes_its_input, "input"),
     (takes_any_mesh, "bad options"),
     (answering(lambda a: replace(a, status=at.Status())), "failure"),
-    (throws_divergence, "failure"),
     (forgets_its_history, "failure"),
     (sound, "limits", Offer(lacks={"joints"})),
     (steps_differently, "integrators"),
@@ -270,8 +225,6 @@ BREAKERS = [
     (moved(lambda p: p + 1e-3, only="second"), "joints"),
     (moved(lambda p: p + 1e-3, only="right"), "branches"),
     (moved(lambda p: p + 1e-3, only="last"), "loops"),
-    (solving(each("joints", lambda j: replace(j, angle=None) if isinstance(j, Clamp) else j)), "drives"),
-    (solving(each("loads", lambda x: replace(x, value=x.value(0.2)) if callable(x.value) else x)), "varying loads"),
     (solving(lambda scene: replace(scene, connectors=())), "features"),
     (sound, "statics", OWN, rests_under_more),
     (sound, "convergence", OWN, never_gains),
@@ -303,16 +256,16 @@ def test_a_broken_solver_fails_the_rule_it_breaks(plugged, breaker):
     findings = list(conform("broken"))
     too_stiff = ["features"] if solve is IS_TOO_STIFF else []  # springs and loads do less to it
     assert [f.rule for f in findings if f.verdict == BROKEN] == [rule, *too_stiff]
-    assert not passed(findings)
+    assert exit_code(findings) == 1
     not_run = sum(f.verdict == NOT_RUN for f in findings)
     assert not_run == (len(RULES) - 1 if rule == "signature" else 0)
 
 
-@pytest.mark.parametrize("feature", sorted(ACTING))
+@pytest.mark.parametrize("feature", ACTING)
 def test_a_feature_that_is_ignored_is_named(feature):
     """A solver that claims all and drops one."""
-    changed = ACTING[feature](cantilever())
-    without = WITHOUT.get(feature, lambda scene: scene)(cantilever())
+    changed = DEMANDS[feature](cantilever())
+    without = WITHOUT.get(feature, same)(cantilever())
     broken = Subject("broken", lambda scene, run: at.solve(without if scene == changed else scene, run))
     with pytest.raises(BrokenRule, match=feature):
         features_act(broken)
@@ -331,7 +284,7 @@ def test_a_missing_solve_static_is_broken_until_it_is_declared(plugged):
     found = {f.rule: f for f in conform("broken")}
     lacking = {r for r, f in found.items() if f.verdict == NOT_OFFERED}
     assert lacking == {"high order", "statics", "convergence", "load factors", "stability"}
-    assert passed(found.values())
+    assert exit_code(found.values()) == 0
 
 
 def test_nonsense_breaks_rules_and_no_more(plugged):
@@ -339,16 +292,6 @@ def test_nonsense_breaks_rules_and_no_more(plugged):
     verdicts = {f.rule: f for f in conform("broken")}
     assert verdicts["answer"].measured == "the answer is a NoneType, no anctmm.Solution"
     assert verdicts["statics"].verdict == HOLDS
-
-
-def test_a_solver_that_cannot_be_loaded_has_one_row(monkeypatch):
-    def load(name):
-        raise PluginError(f"solver {name!r} of package p cannot be loaded: ImportError: x")
-
-    monkeypatch.setattr(registry, "load", load)
-    (finding,) = conform("theirs")
-    assert (finding.rule, finding.verdict) == ("loads", BROKEN)
-    assert "'theirs' of package p" in finding.measured
 
 
 def test_every_feature_is_demanded_by_some_scene():

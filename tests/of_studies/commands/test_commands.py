@@ -70,7 +70,7 @@ WRONG = {
     "workers and a cluster": (["study", "trade", "--workers", "2", "--cluster", "tcp://h:1"], "one of them"),
     "no cluster": (["study", "convergence", "my.py", "--quick", "--cluster", "nowhere"], "cannot be reached"),
     "out": (["study", "trade", "--out", "/proc/nowhere"], "cannot be written"),
-    "an empty path": (["study", "trade", "--out", ""], "empty path"),
+    "an empty path": (["study", "trade", "--out", ""], "not empty"),
     "no target": (["recommend", "my.py", "--case", "fall"], "at least one of them is needed"),
     "a budget": (["recommend", "my.py", "--case", "fall", "--budget", "long"], "'long'; allowed are"),
     "a table": (["recommend", "four-bar", "--error", "1e-3", "--table", "my"], "cannot be read"),

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import PluginError, UnknownSolverError
+from anctmm.errors import PluginError
 from anctmm.solvers import registry
-from studies.command_line.options import named, solvers
+from studies.command_line.options import named
 from studies.conformance.check import BROKEN, conform
 from studies.engine.runner import Runner
-from studies.engine.trials import Trial, product
+from studies.engine.trials import Trial
 from studies.scenes import cantilever_fall
 
 README = (Path(__file__).parents[3] / "anctmm/solvers/README.md").read_text(encoding="utf-8")
@@ -28,7 +28,6 @@ BROKEN_PACKAGES = {
     "raises": ('raise RuntimeError("no licence")', "raises:solve",
                "solver 'raises' of package raises (raises:solve) cannot be loaded: RuntimeError: no licence"),
     "absent": ("", "absent:solve", "cannot be loaded: AttributeError: module 'absent' has no attribute 'solve'"),
-    "nowhere": ("", "not_there_at_all:solve", "cannot be loaded: ModuleNotFoundError"),
     "number": ("solve = 3", "number:solve", "(number:solve) is 3; a function (scene, run) is needed"),
     "nothing": ("def solve(scene, run): pass", "nothing:solve",
                 "solver 'nothing' answers scene 'cantilever-fall' with a NoneType; an anctmm.Solution is needed"),
@@ -110,26 +109,26 @@ def command(site, *arguments):
 
 def test_the_template_is_a_solver(ballistic):
     assert "ballistic" in registry.names()
-    assert named(solvers, several=True)("ballistic,anctmm") == ("ballistic", "anctmm")
+    parse = named("anctmm.solvers.registry", "names", several=True)
+    assert parse("ballistic,anctmm") == ("ballistic", "anctmm")
     found = registry.solver("ballistic")(FALL.scene, RUN)
     np.testing.assert_allclose(found.displacement("beam.end")[:, 1], -0.5 * 9.81 * found.t**2, atol=1e-15)
 
 
-def test_the_template_stands_in_the_list_beside_the_broken_ones(ballistic):
-    broken(ballistic, "raises", "absent")
+def test_the_template_stands_in_the_list_beside_a_broken_one_which_conform_names(ballistic):
+    broken(ballistic, "raises")
     done = command(ballistic, "list")
     assert done.returncode == 0, done.stderr
     lines = {line.split()[0]: line for line in done.stdout.splitlines() if line.strip()}
     assert "ballistic: ballistic:solve" in lines["ballistic"]
     assert "damping, drives, energy, generalized-alpha, joints, rigid, statics" in lines["ballistic"]
     assert "broken: solver 'raises' of package raises" in lines["raises"]
-    assert "RuntimeError: no licence" in lines["raises"]
-    assert "broken: solver 'absent'" in lines["absent"]
-    assert "reference.global_dae:solve" in lines["global-dae"]
+    done = command(ballistic, "conform", "raises")
+    assert (done.returncode, "no licence" in done.stdout) == (1, True)
 
 
 def test_the_check_stores_and_compares_its_histories_and_names_the_broken_ones(ballistic, tmp_path):
-    broken(ballistic, "raises", "nothing")
+    broken(ballistic, "raises")
     where = ["--only", "cantilever-fall/cable-implicit", "--baselines", str(tmp_path / "stored")]
     asked = ["check", *where, "--out", str(tmp_path / "out"), "--solver"]
     assert command(ballistic, *asked, "ballistic", "--update").returncode == 0
@@ -138,20 +137,15 @@ def test_the_check_stores_and_compares_its_histories_and_names_the_broken_ones(b
     assert (done.returncode, "ballistic" in done.stdout) == (0, True), done.stdout
     stored.write_text(stored.read_text().replace("-1.22625", "-1.22626"))  # the fall after 0.5 s, m
     assert command(ballistic, *asked, "ballistic").returncode == 1
-    done = command(ballistic, *asked, "raises,nothing")
-    said = " ".join(done.stdout.split())
-    assert done.returncode == 1
-    assert (
-        "solver 'raises' of package raises (raises:solve) cannot be loaded: RuntimeError: no licence" in said
-    )
-    assert "with a NoneType; an anctmm.Solution is needed" in said
+    done = command(ballistic, *asked, "raises")
+    assert (done.returncode, "no licence" in done.stdout) == (1, True)
 
 
 def test_each_solver_has_a_row_and_the_broken_ones_their_reason(ballistic):
     broken(ballistic)
-    common = {"integrator": "generalized-alpha", "t_end": 0.1, "output_dt": 0.01}
-    explicit = Trial(FALL.scene, "ballistic", (4,), dt=1e-2, **common | {"integrator": "zhai"})
-    trials = [explicit, *product(FALL.scene, ["anctmm", *BROKEN_PACKAGES], [(4,)], [1e-2], **common)]
+    common = {"dt": 1e-2, "t_end": 0.1, "output_dt": 0.01}
+    explicit = Trial(FALL.scene, "ballistic", (4,), integrator="zhai", **common)
+    trials = [explicit, *(Trial(FALL.scene, name, (4,), **common) for name in ("anctmm", *BROKEN_PACKAGES))]
     found = dict(zip([t.solver for t in trials], Runner().solve_many(trials), strict=True))
     assert found["anctmm"].status.ok
     assert found["ballistic"].status.ok
@@ -160,33 +154,12 @@ def test_each_solver_has_a_row_and_the_broken_ones_their_reason(ballistic):
         assert reason in str(found[name].status)
 
 
-@pytest.mark.parametrize("name", BROKEN_PACKAGES)
-def test_a_broken_package_is_named_and_the_others_go_on(site, name):
-    broken(site, name)
-    with pytest.raises(PluginError, match=re.escape(BROKEN_PACKAGES[name][2])):
-        registry.solver(name)(FALL.scene, RUN)
-    assert registry.solver("anctmm")(FALL.scene, RUN).status.ok
-
-
-def test_conform_exits_with_1_and_with_2_for_who_is_not_there(ballistic):
-    broken(ballistic, "raises")
-    done = command(ballistic, "conform", "raises")
-    assert (done.returncode, "no licence" in done.stdout) == (1, True)
-    done = command(ballistic, "conform", "nobody")
-    assert done.returncode == 2
-    assert done.stderr.startswith("anctmm: solver 'nobody' is not registered; known are anctmm, ballistic")
-
-
 def test_no_package_takes_our_names_and_two_cannot_share_one(ballistic, tmp_path, monkeypatch):
-    package(
-        ballistic,
-        "thief",
-        "def solve(scene, run): pass",
-        {"anctmm": "thief:solve", "ballistic": "thief:solve"},
-    )
+    names = {"anctmm": "thief:solve", "ballistic": "thief:solve"}
+    package(ballistic, "thief", "def solve(scene, run): pass", names)
     assert registry.load("anctmm").__module__ == "anctmm.solve"
     with pytest.raises(
-        PluginError, match=r"'ballistic' is registered by (ballistic and thief|thief and ballistic)"
+        PluginError, match=r"'ballistic' is registered by (ballistic|thief) and (ballistic|thief)"
     ):
         registry.solver("ballistic")
 
@@ -199,10 +172,6 @@ def test_an_offer_that_is_none_is_named(site):
         "OFFER of module 'boaster' is 'all'; an anctmm.solvers.capabilities.Offer is needed"
         in finding.measured
     )
-    with pytest.raises(
-        UnknownSolverError, match="solver 'nobody' is not registered; known are anctmm, boaster"
-    ):
-        registry.solver("nobody")
 
 
 def test_a_stored_answer_is_not_that_of_an_edited_plug_in(ballistic, tmp_path):

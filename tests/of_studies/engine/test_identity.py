@@ -56,11 +56,8 @@ def test_what_a_function_computes_is_its_identity(what):
     assert identity(made(one)) != identity(made(other))
 
 
-def test_comments_and_names_of_files_do_not_count():
+def test_comments_do_not_count_and_a_recursive_function_has_an_identity():
     assert identity(made("def f(t): return t")) == identity(made("# mine\n\ndef f(t):\n    return t"))
-
-
-def test_a_recursive_function_has_an_identity():
     assert identity(made("def f(n): return 1 if n < 1 else n * f(n - 1)"))
 
 

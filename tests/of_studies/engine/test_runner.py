@@ -11,17 +11,13 @@ from anctmm.results.status import Status
 from studies.engine import provenance
 from studies.engine.runner import Runner, SweepError
 from studies.engine.timing import in_turn, least, settled
-from studies.engine.trials import Trial, product
+from studies.engine.trials import Trial
 
 MASS = at.Scene("mass", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
-COSTS = [
-    at.Cost(cpu, wall, 10, build_s=build)
-    for cpu, wall, build in [(3.0, 9.0, 2.0), (1.0, 4.0, 5.0), (2.0, 5.0, 3.0)]
-]
 
 
 def trials(scene=MASS, steps=(0.1, 0.05), solver="stub"):
-    return product(scene, [solver], [(1,)], steps, t_end=1.0, output_dt=0.1)
+    return [Trial(scene, solver, (1,), dt=dt, t_end=1.0, output_dt=0.1) for dt in steps]
 
 
 class Made:
@@ -115,7 +111,7 @@ def test_a_damaged_store_is_computed_anew(tmp_path):
 def test_workers_give_the_same_bits(tmp_path):
     beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(E=1e8, density=1000.0))
     scene = at.Scene("fall", [beam], [at.Clamp("b.start")], loads=[at.Force("b.end", lambda t: (0.0, -t))])
-    wanted = product(scene, ["anctmm"], [(1,), (2,)], [1e-2], t_end=0.1, output_dt=0.02)
+    wanted = [Trial(scene, "anctmm", mesh, dt=1e-2, t_end=0.1, output_dt=0.02) for mesh in ((1,), (2,))]
     alone, spread = Runner().solve_many(wanted), Runner(tmp_path, workers=2).solve_many(wanted)
     for one, other in zip(alone, spread, strict=True):
         assert np.array_equal(one.position("b.end"), other.position("b.end"))
@@ -177,7 +173,8 @@ def test_times_are_stored_with_their_machine(tmp_path, monkeypatch):
 
 
 def test_of_runs_in_turn_the_least_counts():
-    found = least(COSTS)
+    numbers = [(3.0, 9.0, 2.0), (1.0, 4.0, 5.0), (2.0, 5.0, 3.0)]
+    found = least([at.Cost(cpu, wall, 10, build_s=build) for cpu, wall, build in numbers])
     assert (found.cpu_s, found.build_s, found.repeats, found.cpu_spread) == (1.0, 2.0, 3, 2.0)
 
 

@@ -65,11 +65,6 @@ def test_meshes_and_steps_that_are_given_are_those_of_the_table():
         (DOUBLE_PENDULUM, {"meshes": ((2, 2), (4, 2))}, "finer everywhere"),
         (DOUBLE_PENDULUM, {"meshes": ((2, 2, 2),)}, "needs 1 or 2 numbers"),
         (DOUBLE_PENDULUM, {"meshes": ((2,),), "steps": (1e-3,)}, "nothing converges"),
-        (
-            DOUBLE_PENDULUM,
-            {"meshes": ((2,), (4,)), "steps": (1e-3,), "error": 1e-3},
-            "leave one of these out",
-        ),
         ("cantilever-force-1", {"steps": (1e-3,)}, "has no step"),
         ("cantilever-force-1", {"integrator": "zhai"}, "static equilibrium"),
     ],
@@ -140,10 +135,9 @@ def test_a_fixed_step_below_the_limit_holds_and_one_above_does_not(limits):
     assert not (steps[steps["factor"] > 1.2]["balance"].fillna(np.inf) < 1.0).any()
 
 
-def test_units_that_are_powers_of_two_change_no_bit_and_others_only_rounding(limits):
-    units = limits.table("units").frame
-    assert units.set_index("value").loc["powers of two", "same_bits"]
-    assert (units["difference"] <= np.maximum(units["predicted"], 1e-14)).all()
+def test_far_from_the_origin_only_rounding_changes(limits):
+    places = limits.table("places").frame
+    assert (places["difference"] <= places["predicted"]).all()
 
 
 def test_stiff_beams_tend_to_rigid_bars(limits):
@@ -160,7 +154,7 @@ def test_two_solvers_can_be_compared_where_a_disturbance_hardly_grows(limits):
 
 def test_equilibria_have_limits_too():
     result = extremes.run(asked(find_case("cantilever-force-3")), RUNNER)
-    assert {t.name for t in result.tables} == {"units", "many_elements", "stiffness", "loads"}
+    assert {t.name for t in result.tables} == {"places", "many_elements", "stiffness", "loads"}
     assert result.table("loads").frame["largest"].is_monotonic_increasing
 
 
@@ -168,20 +162,21 @@ def test_equilibria_have_limits_too():
 
 
 def test_a_run_meets_its_target_and_its_files_are_there(tmp_path):
-    done = run_case(find_case(ARM), RUNNER, error=1e-2, others=("global-dae",))
+    done = run_case(asked(find_case(ARM), error=1e-2, solvers=("anctmm", "global-dae")), RUNNER)
     assert done.found.reached
     assert not done.missed
-    files = {path.name for path in write_run(done, tmp_path)}
-    assert files == {"values.csv", "solution.npz", "probes.csv", "plot.png", "animation.html"}
+    assert write_run(done, tmp_path)
+    files = {path.name for path in tmp_path.iterdir()}
+    assert files > {"values.csv", "solution.npz", "probes.csv", "plot.png", "animation.html"}
     assert at.load(tmp_path / "solution.npz").status.ok
 
 
 def test_a_refused_run_leaves_the_files_of_an_earlier_one(tmp_path):
     case = find_case(ARM)
-    write_run(run_case(case, RUNNER, error=1e-1), tmp_path)
+    write_run(run_case(asked(case, error=1e-1), RUNNER), tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    refused = run_case(case, RUNNER, mesh=(2,), dt=0.01, setup=convergence.Setup("pyelastica"))
-    assert write_run(refused, tmp_path) == []
+    refused = run_case(asked(case, meshes=((2,),), steps=(0.01,), solvers=("pyelastica",)), RUNNER)
+    assert not write_run(refused, tmp_path)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 

@@ -9,7 +9,6 @@ from samples import beam
 
 import anctmm as at
 from anctmm.errors import shown
-from anctmm.results.checks.constraints import PARTED
 from anctmm.results.checks.divergence import checked
 from reference import exudyn_cable, global_dae
 
@@ -73,9 +72,7 @@ def test_the_history_is_cut_where_a_joint_is_not_kept(whole, what):
     assert shown(joint) in found.status.message
     assert f"by 0.001 {'m' if change is lifted else 'rad'} at t = 0.06 s" in found.status.message
     assert (found.status.step, len(found.t)) == (12, 3)
-    assert checked(
-        changed(whole, body, change(node, 0.1 * PARTED))
-    ).status.ok  # as much as Newton's iteration leaves
+    assert checked(changed(whole, body, change(node, 1e-5))).status.ok  # more than Newton's iteration leaves
 
 
 def test_a_rigid_body_that_is_longer_is_told():
@@ -94,9 +91,4 @@ def test_a_rigid_body_that_is_longer_is_told():
 @pytest.mark.parametrize("solve", [at.solve, global_dae.solve, exudyn_cable.solve])
 def test_every_road_keeps_them(solve):
     found = solve(SCENE, RUN)
-    assert found.status.ok, found.status
-
-
-def test_in_statics_drives_stand_as_at_the_start():
-    found = at.solve_static(SCENE, mesh=2)
     assert found.status.ok, found.status

@@ -1,7 +1,15 @@
-"""Implicit steps by a full Newton iteration: generalized-α in index-3 form, and a Runge-Kutta method of fourth order.
+"""The plain integrators: Zhai's explicit one, and by a full Newton iteration generalized-α and a Runge-Kutta method.
 
-Generalized-α (Arnold & Brüls 2007, Multibody Syst. Dyn. 18): M q̈_{n+1} + Jᵀμ = f, Φ(q_{n+1}) = 0 with auxiliary
-accelerations a, (1 − αm) a_{n+1} + αm a_n = (1 − αf) q̈_{n+1} + αf q̈_n, and Newmark's formulae with a; a_0 := q̈_0.
+Zhai (Rong 2014, eq. 38): [M Jᵀ; J 0] [q̈; μ] = [f; γ] at q_n, v_n;
+
+    q_{n+1} = q_n + h v_n + (½ + ψ) h² a_n − ψ h² a_{n−1},  v_{n+1} = v_n + (1 + φ) h a_n − φ h a_{n−1},  a_{−1} := a_0.
+
+Then positions and velocities are put back on the constraints: coordinates of beams' nodes that joints or drives
+prescribe are set, the rest changes least in the metric of mass.
+
+Generalized-α in index-3 form (Arnold & Brüls 2007, Multibody Syst. Dyn. 18): M q̈_{n+1} + Jᵀμ = f, Φ(q_{n+1}) = 0 with
+auxiliary accelerations a, (1 − αm) a_{n+1} + αm a_n = (1 − αf) q̈_{n+1} + αf q̈_n, and Newmark's formulae with a;
+a_0 := q̈_0.
 
 ESDIRK (Kennedy & Carpenter 2003, ESDIRK4(3)6L[2]SA): with w_j the accelerations of the stages,
 
@@ -19,16 +27,76 @@ from numpy.typing import NDArray
 from anctmm.discretise.methods import GeneralizedAlpha as AlphaMethod
 from anctmm.discretise.methods import stages
 from reference.global_dae.elements import Matrix
-from reference.global_dae.marching import Failure, Marcher, State
-from reference.global_dae.saddle import Nearest, Saddle
+from reference.global_dae.marching import Marcher, State
+from reference.global_dae.saddle import Failure, Nearest, Saddle
 from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
-#: Newton iterations of a step at most; roundings of the largest terms that a residual may have.
-ITERATIONS, ROUNDINGS, EPSILON = 40, 8.0, float(np.finfo(np.float64).eps)
+#: Newton iterations of a step at most; a correction that is rounding where it no longer falls.
+ITERATIONS, STALLED = 40, 1e-8
 #: Misfit of constraints, of the scene's length, that has failed, and that which is rounding.
 MISSED, ROUNDING = 1e-9, 1e-14
+
+
+class Zhai(Marcher):
+    """The explicit solver of one system."""
+
+    advice = "take a smaller dt, or a coarser mesh, or an implicit integrator"
+
+    def __init__(self, system: System) -> None:
+        super().__init__(system)
+        self.saddle: Saddle | None = None
+
+    def begin(self) -> State:
+        state, c = super().begin(), self.system.constraints
+        self.prescribe = Nearest(c.jacobian(state.q, state.p)[c.held])
+        self.before = state.a
+        return state
+
+    def step(self, state: State, t: float) -> State:
+        h, psi, phi = self.run.exact_dt, self.run.psi, self.run.phi
+        a, b = state.a, self.before
+        q = state.q + h * state.v + h * h * ((0.5 + psi) * a - psi * b)
+        v = state.v + h * ((1.0 + phi) * a - phi * b)
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise Failure("accelerations are not finite", state.a)
+        self.before, p = a, self.system.constraints.parameters(t)
+        if self.system.constraints.count:
+            q, v = self._projected(q, v, p)
+        self.system.accept(q)
+        return self._accelerated(q, v, t, p)
+
+    def _accelerated(self, q: Array, v: Array, t: float, p: Array) -> State:
+        force = self.system.force(q, v, t) + self.system.beams.damping(q, v)
+        right = self.system.constraints.right(q, v, p)
+        if not (np.isfinite(force).all() and np.isfinite(right).all()):
+            raise Failure("accelerations are not finite", force)
+        return State(q, v, *self._factored(q, p).solve(force, right), p)
+
+    def _factored(self, q: Array, p: Array) -> Saddle:
+        """Factors of [M Jᵀ; J 0], found once where J is constant."""
+        c = self.system.constraints
+        if self.saddle is None or not c.constant:
+            self.saddle = Saddle(self.system.mass, c.jacobian(q, p))
+            self.factorizations += 1
+        return self.saddle
+
+    def _projected(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
+        """Positions, by Newton's corrections of least size, and velocities on the constraints."""
+        c = self.system.constraints
+        q = q - self.prescribe(c.value(q, p)[c.held])
+        for _ in range(ITERATIONS):
+            gap = c.value(q, p)
+            if not np.isfinite(gap).all():
+                raise Failure("constraints are not finite")
+            if np.abs(gap).max() <= ROUNDING * self.length:
+                break
+            q = q - self._factored(q, p).closest(gap)
+        self.check_position(q, p, MISSED)
+        J, rate = c.jacobian(q, p), c.rate(q, p)
+        v = v - self.prescribe((J @ v + rate)[c.held])
+        return q, v - self._factored(q, p).closest(J @ v + rate)
 
 
 class Slopes(NamedTuple):
@@ -40,26 +108,15 @@ class Slopes(NamedTuple):
 
 
 class Implicit(Marcher):
-    """What both methods share: the start, and Newton's iteration."""
+    """What both methods share: Newton's iteration."""
 
     advice = "take a smaller dt, a coarser mesh, more damping (spectral_radius) or a larger newton_tolerance"
 
     def __init__(self, system: System) -> None:
         super().__init__(system)
-        self.h, self.unit = self.run.exact_dt, system.layout.unit
+        self.h = self.run.exact_dt
 
-    def begin(self) -> State:
-        """The state at t = 0: velocities that fit joints and drives, and [M Jᵀ; J 0] [q̈; μ] = [f; γ]."""
-        system, layout, c = self.system, self.system.layout, self.system.constraints
-        q, v, p = layout.reference.copy(), layout.velocity.copy(), c.parameters(0.0)
-        J = c.jacobian(q, p)
-        v = v - Nearest(J)(J @ v + c.rate(q, p))
-        self.damping = system.beams.damping(q, v)
-        self.factorizations += 1
-        force = system.force(q, v, 0.0) + self.damping
-        return State(q, v, *Saddle(system.mass, J).solve(force, c.right(q, v, p)), p)
-
-    def newton(self, guess: State, t: float, slopes: Slopes) -> State:
+    def newton(self, s: State, t: float, slopes: Slopes) -> State:
         """The state that fulfils the equations at t, from a guess on.
 
         Raises
@@ -67,42 +124,30 @@ class Implicit(Marcher):
         Failure
             If the iteration does not converge.
         """
-        system, c = self.system, self.system.constraints
-        q, v, a, mu, p = guess.q, guess.v, guess.a, guess.mu, guess.p
-        change, before, residuals = a, np.inf, list[float]()
+        system, c, p = self.system, self.system.constraints, s.p
+        change, before = s.a, np.inf
         for _ in range(ITERATIONS):
-            J = c.jacobian(q, p)
-            r = system.force(q, v, t) + system.beams.damping(q, v) - system.mass @ a - J.T @ mu
-            gap = (J @ a - c.right(q, v, p)) / slopes.by_a if slopes.accelerations else c.value(q, p)
+            J = c.jacobian(s.q, p)
+            r = system.force(s.q, s.v, t) + system.beams.damping(s.q, s.v) - system.mass @ s.a - J.T @ s.mu
+            gap = (J @ s.a - c.right(s.q, s.v, p)) / slopes.by_a if slopes.accelerations else c.value(s.q, p)
             if not (np.isfinite(r).all() and np.isfinite(gap).all()):
                 break
-            residuals.append(float(np.abs(r).max()))
-            A = self.matrix(State(q, v, a, mu, p), t, slopes)
-            change, multiplier = Saddle(A, J).solve(r, -gap)
+            change, multiplier = Saddle(self.matrix(s, t, slopes), J).solve(r, -gap)
             self.factorizations += 1
             self.newton_iterations += 1
-            q, v, a = q + change, v + slopes.by_v * change, a + slopes.by_a * change
-            mu = mu + multiplier
-            largest = float((np.abs(change) / self.unit).max())
-            if largest <= self.run.newton_tolerance:
-                return State(q, v, a, mu, p)
-            if largest > 0.5 * before:
-                sizes = system.sizes(q, v, t) + abs(A) @ np.abs(q) + abs(J).T @ np.abs(mu)
-                if residuals[-1] <= ROUNDINGS * EPSILON * sizes.max():
-                    return State(q, v, a, mu, p)
+            s = State(
+                s.q + change, s.v + slopes.by_v * change, s.a + slopes.by_a * change, s.mu + multiplier, p
+            )
+            largest = float((np.abs(change) / system.layout.unit).max())
+            if largest <= self.run.newton_tolerance or 0.5 * before < largest <= STALLED:
+                return s
             before = largest
-        raise Failure("Newton's iteration does not converge", change, residuals)
+        raise Failure("Newton's iteration does not converge", change)
 
     def matrix(self, s: State, t: float, slopes: Slopes) -> Matrix:
         """Newton's matrix of the coordinates."""
         K = self.system.tangents(s.q, s.v, t, by_velocity=slopes.by_v)
         return Matrix(slopes.by_a * self.system.mass + K + self.system.constraints.hessian(s.q, s.p, s.mu))
-
-    def check_position(self, q: Array, p: Array) -> None:
-        """Raise Failure where positions do not fit the constraints: some contradict each other."""
-        allowed = max(MISSED, self.run.newton_tolerance) * self.length
-        if not np.abs(self.system.constraints.value(q, p)).max(initial=0.0) <= allowed:
-            raise Failure("joints and drives leave the bodies no admissible position")
 
 
 class GeneralizedAlpha(Implicit):
@@ -129,12 +174,9 @@ class GeneralizedAlpha(Implicit):
             state.a, state.mu, self.system.constraints.parameters(t),
         )  # fmt: skip
         found = self.newton(guess, t, self.slopes)
-        self.check_position(found.q, found.p)
+        self.check_position(found.q, found.p, max(MISSED, self.run.newton_tolerance))
         mean = (1.0 - c.alpha_f) * found.a + c.alpha_f * state.a
         self.auxiliary = (mean - c.alpha_m * a) / (1.0 - c.alpha_m)
-        damping = self.system.beams.damping(found.q, found.v)
-        self.account.resist(float(0.5 * (damping + self.damping) @ (found.q - state.q)))
-        self.damping = damping
         self.system.accept(found.q)
         return found
 
@@ -151,16 +193,15 @@ class Esdirk(Implicit):
         self.part, self.slopes = part, Slopes(1.0 / part, 1.0 / part**2, accelerations=True)
 
     def begin(self) -> State:
-        """The state at t = 0."""
         found, c = super().begin(), self.system.constraints
         self.prescribe = Nearest(c.jacobian(found.q, found.p)[c.held])
-        self.power = self._power(found, 0.0)
+        self.power = [self.power_of(found, 0.0)]
         return found
 
     def step(self, state: State, t: float) -> State:
         """The next step: five implicit stages, the last of which is its end."""
         A, square, c = self.stages
-        found, w, power = state, [state.a], [self.power]
+        found, w, self.power = state, [state.a], self.power[-1:]
         for i in range(1, len(c)):
             when = t if i == len(c) - 1 else t - (1.0 - float(c[i])) * self.h
             known = (
@@ -172,14 +213,14 @@ class Esdirk(Implicit):
             guess = State(q + self.part**2 * w[-1], v + self.part * w[-1], w[-1], found.mu, p)
             found = self.newton(guess, when, self.slopes)
             w.append(found.a)
-            power.append(self._power(found, when))
+            self.power.append(self.power_of(found, when))
         found = self._projected(found, t)
-        work, lost = self.h * (A[-1] @ np.array(power))
-        self.account.work += float(work)
-        self.account.lost += float(lost)
-        self.account.before, self.power = None, power[-1]
         self.system.accept(found.q)
         return found
+
+    def add_work(self, state: State, t: float) -> None:
+        if len(self.power) > 1:
+            self.work = self.work + self.h * (self.stages.A[-1] @ np.array(self.power))
 
     def _prescribed(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
         """q and v before the stage's own acceleration, from which prescribed coordinates reach their values."""
@@ -193,21 +234,16 @@ class Esdirk(Implicit):
 
     def _projected(self, s: State, t: float) -> State:
         """Positions and velocities on the constraints, the nearest in the metric of Newton's matrix."""
-        c, still = self.system.constraints, self.system.still
-        if c.constant and not c.driven:
+        c = self.system.constraints
+        if c.constant and not c.drives:
             return s
         A, q = self.matrix(s, t, self.slopes), s.q
         for _ in range(ITERATIONS):
             gap = c.value(q, s.p)
             if np.abs(gap).max() <= ROUNDING * self.length:
                 break
-            q = q + Saddle(A, c.jacobian(q, s.p)).solve(still, -gap)[0]
-        self.check_position(q, s.p)
+            q = q - Saddle(A, c.jacobian(q, s.p)).closest(gap)
+        self.check_position(q, s.p, max(MISSED, self.run.newton_tolerance))
         J = c.jacobian(q, s.p)
-        v = s.v + Saddle(A, J).solve(still, -(J @ s.v + c.rate(q, s.p)))[0]
+        v = s.v - Saddle(A, J).closest(J @ s.v + c.rate(q, s.p))
         return State(q, v, s.a, s.mu, s.p)
-
-    def _power(self, s: State, t: float) -> Array:
-        """Power of all that does work beside energies, and of damping, W, (2,)."""
-        resisting = float(self.system.beams.damping(s.q, s.v) @ s.v)
-        return self.account.power(s.q, s.v, t, s.p, s.mu) + resisting
