@@ -30,17 +30,10 @@ KEPT = 24.0
 
 @dataclass
 class Answer:
-    """What another code has left; its energies are not read.
+    """What another code has left: times (s) or load factors, (n,), fields, and, where explicit steps need it, energies.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times, s, or load factors.
-    fields : mapping of body name to Field
-    cost : Cost
-        Of the steps: clocks run from the first step to the last, without building the model and reading results.
-    status : Status
-    dofs : int
+    The cost is that of the steps: clocks run from the first step to the last, without building the model and reading
+    results.
     """
 
     t: Array
@@ -48,20 +41,14 @@ class Answer:
     cost: Cost
     status: Status
     dofs: int
+    energy: Energy | None = None
 
 
 @dataclass
 class Adapter:
     """A scene as another code has it; an adapter says `check`, `build`, `march` and the class variables.
 
-    Parameters
-    ----------
-    scene : Scene
-    run : Discretisation
-    static : bool
-        Whether equilibria are asked for, under loads and drives as they are at t = 0.
-    load_steps : int
-        Of statics.
+    `static`: whether equilibria are asked for, under loads and drives as they are at t = 0.
     """
 
     scene: Scene
@@ -117,11 +104,12 @@ class Adapter:
         except UnsupportedError as why:
             return nothing(self.name, scene, run, Status("unsupported", str(why)))
         found = self.march(model)
+        energy = found.energy or Energy.unknown(len(found.t))
         solved = Solution(
-            self.name, scene, run, found.t, found.fields, Energy.unknown(len(found.t)), found.cost, found.status,
-            found.dofs, static=self.static,
+            self.name, scene, run, found.t, found.fields, energy, found.cost, found.status, found.dofs,
+            static=self.static,
         )  # fmt: skip
-        return checked(solved, static=self.static, energies=False)
+        return checked(solved, static=self.static, energies=found.energy is not None)
 
     def _refuse(self) -> None:
         if not self.static and self.mode not in INTEGRATORS:

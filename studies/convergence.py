@@ -20,7 +20,7 @@ from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
 from studies.engine.tables import Table
 from studies.engine.trials import NO_BEAMS, Mesh, mesh_label
-from studies.engine.values import OUTPUTS_NOTE, Reading, at_joints, at_probes, values_of
+from studies.engine.values import OUTPUTS_NOTE, at_joints, at_probes, rows_of, values_of
 from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
@@ -144,8 +144,10 @@ def _rows(table: str, found: Refined) -> Iterator[dict[str, Any]]:
             rows = _levels(found, MESH if table == "mesh" else STEP)
         case "exact":
             rows = exact_rows(found)
+        case "values":
+            rows = iter(rows_of(values_of(found, at_probes)))
         case _:
-            rows = value_rows(found, at_probes if table == "values" else at_joints)
+            rows = iter(rows_of(values_of(found, at_joints), "joint"))
     yield from (about | row for row in rows)
 
 
@@ -160,16 +162,6 @@ def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
         yield {
             "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
             "error": error if isfinite(error) else nan, "order": order, "status": str(solution.status),
-        }  # fmt: skip
-
-
-def value_rows(found: Refined, read: Reading) -> Iterator[dict[str, Any]]:
-    """A row for each value at the probes, or in the joints."""
-    place = "probe" if read is at_probes else "joint"
-    for v in values_of(found, read):
-        yield {
-            place: v.probe, "quantity": v.quantity, "value": v.value, "uncertainty": v.uncertainty, "unit": v.unit,
-            "digits": v.text,
         }  # fmt: skip
 
 

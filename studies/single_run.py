@@ -5,6 +5,7 @@ from io import BytesIO
 from math import inf
 from pathlib import Path
 
+import pandas as pd
 from rich.console import Console
 
 from anctmm.errors import CaseError
@@ -13,12 +14,16 @@ from studies.engine.files import atomic_write
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.study import Options, check_fits
-from studies.engine.tables import say, show_frame, write_machine, write_table
+from studies.engine.tables import Table, say, show_frame, write_machine, write_table
 from studies.engine.trials import not_installed
-from studies.engine.values import Value, values_of, values_table
+from studies.engine.values import OUTPUTS_NOTE, Value, rows_of, values_of
 
 #: Target error where none is given.
 ERROR = 1e-3
+NOTES = (
+    "uncertainty: an estimate of the errors of mesh and step, from coarser runs; none where it was not estimated.",
+    OUTPUTS_NOTE,
+)
 
 
 @dataclass(frozen=True)
@@ -138,15 +143,16 @@ def write_run(run: SingleRun, folder: Path) -> bool:
     solution, picture = run.found.solution, BytesIO()
     if not len(solution.t):
         return False
-    write_table(values_table(run.values), folder)
+    write_table(
+        Table("values", "Values and their uncertainty", pd.DataFrame(rows_of(run.values)), NOTES), folder
+    )
     write_machine(folder)
     solution.save(folder / "solution.npz")
     atomic_write(folder / "probes.csv", solution.to_frame(run.found.levels.case.probes).to_csv())
     solution.plot().savefig(picture, format="png", dpi=150)
     atomic_write(folder / "plot.png", picture.getvalue())
-    (folder / "animation.html").unlink(
-        missing_ok=True
-    )  # an equilibrium has none, a motion before may have had one
+    # An equilibrium has no animation, a motion before may have had one.
+    (folder / "animation.html").unlink(missing_ok=True)
     if len(solution.t) > 1:
         solution.animate(folder / "animation.html")
     return True
@@ -166,8 +172,7 @@ def show(run: SingleRun, console: Console) -> None:
     )
     say(console, f"{counts}; runs in all: {len(found.levels.solutions)}")
     if run.values:
-        values = values_table(run.values).frame[["probe", "quantity"]]
-        show_frame(console, "", values.assign(value=[value.text for value in run.values]))
+        show_frame(console, "", pd.DataFrame(rows_of(run.values))[["probe", "quantity", "digits"]])
     for other in run.others:
         said = f"{other.solution.solver} on the same mesh and by the same step: {other.words}"
         say(console, said, "yellow" if other.missed else "")

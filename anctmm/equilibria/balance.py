@@ -15,8 +15,8 @@ from scipy.sparse.linalg import splu
 from anctmm.kernels.announcing import compiling
 from anctmm.system.acting import FOLLOWER, TURN
 from anctmm.system.body_meshes import BeamMesh, RigidMesh
-from anctmm.system.calls import set_matrix, strain_energy
-from anctmm.system.equations import set_residual
+from anctmm.system.calls import strain_energy
+from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.matrix import gather, scatter
 from anctmm.system.rows import REGULARISATION, set_rows
 from anctmm.system.system import System

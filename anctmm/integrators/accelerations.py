@@ -15,12 +15,12 @@ from anctmm.system.calls import (
     factorize_matrix,
     set_accelerations,
     set_jacobian,
-    set_matrix,
     set_rates,
     set_rows,
     solve_for,
 )
 from anctmm.system.elastic import subtract_inertia
+from anctmm.system.equations import set_matrix
 from anctmm.system.matrix import gather
 from anctmm.system.tables import Inputs, Tables
 

@@ -19,8 +19,9 @@ from anctmm.integrators.state import NONE, ONE
 from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import kernel, part
 from anctmm.results.checks.divergence import STRETCH_LIMIT
-from anctmm.system.calls import set_forces, solve_for
+from anctmm.system.calls import solve_for
 from anctmm.system.elastic import subtract_inertia
+from anctmm.system.forces import set_forces
 from anctmm.system.matrix import gather
 
 

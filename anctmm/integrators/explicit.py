@@ -17,8 +17,8 @@ from anctmm.integrators.accelerations import factorize_mass, project, solve_acce
 from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
 from anctmm.kernels.options import kernel
-from anctmm.system.calls import set_forces, set_jacobian
-from anctmm.system.forces import place_driven
+from anctmm.system.calls import set_jacobian
+from anctmm.system.forces import place_driven, set_forces
 from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]

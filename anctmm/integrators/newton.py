@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from anctmm.integrators.accelerations import VIOLATED
 from anctmm.integrators.state import State
 from anctmm.kernels.options import inlined, part
-from anctmm.system.calls import factorize_matrix, set_accelerations, set_matrix, solve_for
-from anctmm.system.equations import set_residual
+from anctmm.system.calls import factorize_matrix, set_accelerations, solve_for
+from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]

@@ -25,11 +25,12 @@ from anctmm.system.calls import (
     drive_work,
     kinetic_energy,
     power,
-    set_reactions,
     strain_energy,
+    subtract_damping,
     work_done,
 )
-from anctmm.system.elastic import Elements, subtract_damping
+from anctmm.system.elastic import Elements
+from anctmm.system.forces import set_reactions
 from anctmm.system.system import System
 from anctmm.system.tables import Inputs, Tables
 
@@ -260,7 +261,7 @@ def stage_power(
                 out[0] += state.scratch[k, i] * state.v[k, i]
     if tables.damped[1] != 0:
         state.scratch[:] = 0.0
-        subtract_damping(space, tables.elements, state.q, state.v, state.scratch)
+        subtract_damping(space, tables, state.q, state.v, state.scratch)
         lost = 0.0
         for k in range(state.q.shape[0]):
             for i in range(state.q.shape[1]):
@@ -276,7 +277,7 @@ def _damping_work(space: tuple[int, ...], tables: Tables, state: State, moving: 
     The power lost, integrated in time, would count a motion that dies out within a step many times over.
     """
     state.scratch[:] = 0.0
-    subtract_damping(space, tables.elements, state.q, state.v, state.scratch)
+    subtract_damping(space, tables, state.q, state.v, state.scratch)
     for k in range(state.q.shape[0]):
         for i in range(state.q.shape[1]):
             if moving:

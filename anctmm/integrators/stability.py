@@ -9,9 +9,9 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from anctmm.elimination.factor import solve
 from anctmm.errors import StabilityError
 from anctmm.system.assembled import assembled, coordinates_of
-from anctmm.system.calls import factorize_matrix, set_matrix
+from anctmm.system.calls import factorize_matrix
 from anctmm.system.elastic import stiffened
-from anctmm.system.equations import set_residual
+from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]

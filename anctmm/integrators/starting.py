@@ -15,8 +15,8 @@ from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 from anctmm.system.acting import TURN
 from anctmm.system.body_meshes import RigidMesh
-from anctmm.system.calls import set_forces, set_jacobian
-from anctmm.system.forces import place_driven
+from anctmm.system.calls import set_jacobian
+from anctmm.system.forces import place_driven, set_forces
 from anctmm.system.system import System
 from anctmm.system.tables import Inputs, Tables
 

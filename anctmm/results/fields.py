@@ -14,7 +14,6 @@ from anctmm.model.bodies import Beam
 from anctmm.model.expressions import QUARTER_TURN
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 class Field(Protocol):
@@ -268,7 +267,7 @@ class LagrangeField(_Series):
         return sum(w * nodal[:, first + k] for k, w in enumerate(weights))  # type: ignore[return-value]
 
 
-def as_complex(vectors: Array) -> Complex:
+def as_complex(vectors: Array) -> NDArray[np.complex128]:
     """Vectors of the plane as complex numbers."""
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,16 +172,16 @@ def _check_place(solution: Solution, reference: Solution, probe: Probe) -> Probe
     """
     scenes = solution.scene, reference.scene
     place = solution.scene.probe(probe)
-    key = probe if isinstance(probe, str) else place
+    key: Any = probe if isinstance(probe, str) else place
     if scenes[0] is scenes[1]:
-        return key
+        return key  # type: ignore[no-any-return]
     one, other = (scene.place(probe).position for scene in scenes)
     if distance(one, other) > 1e-9 * max(scene.length for scene in scenes):  # as they may be rounded
         raise SolverError(
             f"probe {shown(probe)} is at {shown(one)} m in scene {scenes[0].name!r} of the solution and at "
             f"{shown(other)} m in scene {scenes[1].name!r} of the reference; two solutions of one scene are needed"
         )
-    return key
+    return key  # type: ignore[no-any-return]
 
 
 def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

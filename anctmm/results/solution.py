@@ -213,9 +213,8 @@ class Solution:
 
         Notes
         -----
-        ANC-TMM and the global DAE count whole turns at each step. For the other solvers they are derived from angular
-        velocities at the outputs, which must be less than half a turn apart unless the rate changes little between
-        them.
+        ANC-TMM and the global DAE count whole turns at each step. For the other solvers outputs must be less than half
+        a turn apart.
 
         Raises
         ------

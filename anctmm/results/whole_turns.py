@@ -2,8 +2,8 @@
 
 The direction at an output determines an angle up to whole turns. Along a beam neighbouring sections differ by less than
 half a turn, so one place of a body determines all others, at each output separately. Turns of that place are counted at
-each step. If a solver does not count them, a body is followed from one output to the next by its mean angular velocity:
-outputs must then be less than half a turn apart, or the rate must change little between them.
+each step. If a solver does not count them, it is followed from one output to the next, which must be less than half a
+turn apart.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.results.fields import Complex, Field, RigidField, as_complex
+from anctmm.results.fields import Field, as_complex
 
 Array = NDArray[np.float64]
 
@@ -49,40 +49,17 @@ class WholeTurns:
         with np.errstate(all="ignore"):
             found = np.angle(vectors * np.conj(vectors[:1]))
             found += 0.0 if field.turned is None else field.turned[:1]
-            found[:, 0] = _first_angle(field, self.t)
+            found[:, 0] = _first_angle(field)
             return np.unwrap(found, axis=1)
 
 
-def _first_angle(field: Any, t: Array) -> Array:
-    """Angle of the first node since the undeformed scene, (n,), rad: as counted, or by the rate of the body."""
+def _first_angle(field: Any) -> Array:
+    """Angle of the first node since the undeformed scene, (n,), rad: as counted, or by less than π an output."""
     before = 0.0 if field.turned is None else field.turned[:1, 0].sum()
     if field.start_angle is not None:
         return np.asarray(before + field.start_angle - field.start_angle[:1])
-    return np.asarray(before + continuous(as_complex(field.node_directions[:, 0]), _mean_spin(field), t))
-
-
-def _mean_spin(field: Any) -> Array | None:
-    """Rate of a rigid body, or that at which a beam's nodes turn about their middle in the mean, (n,), rad/s."""
-    if field.velocities is None:
-        return None
-    if isinstance(field, RigidField):
-        return field.spin("center")
-    arms, rates = (as_complex(x[:, :, 0]) for x in (field.coordinates, field.velocities))
-    arms, rates = (x - x.mean(axis=1, keepdims=True) for x in (arms, rates))
-    return np.asarray(np.imag(rates * np.conj(arms)).sum(axis=1) / (np.abs(arms) ** 2).sum(axis=1))
-
-
-def continuous(vectors: Complex, spin: Array | None, t: Array) -> Array:
-    """Angle that a vector has turned by since the first time, (n,), rad.
-
-    From one time to the next a direction determines the rotation up to whole turns. These follow from its rate `spin`,
-    (n,), rad/s; without it the rotation is less than half a turn.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        steps = np.angle(vectors[1:] * np.conj(vectors[:-1]))
-        if spin is not None:
-            steps = nearest(steps, 0.5 * (spin[1:] + spin[:-1]) * np.diff(t))
-    return np.concatenate([np.zeros(min(len(vectors), 1)), np.cumsum(steps)])
+    vectors = as_complex(field.node_directions[:, 0])
+    return np.asarray(before + np.unwrap(np.angle(vectors * np.conj(vectors[:1]))))
 
 
 def nearest(angle: Array, about: Array) -> Array:

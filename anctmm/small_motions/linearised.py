@@ -21,9 +21,9 @@ from anctmm.small_motions.frames import GROUND, Frame
 from anctmm.system.acting import FOLLOWER
 from anctmm.system.assembled import assembled, coordinates_of
 from anctmm.system.body_meshes import RigidMesh
-from anctmm.system.calls import factorize_matrix, set_matrix
+from anctmm.system.calls import factorize_matrix
 from anctmm.system.elastic import stiffened
-from anctmm.system.equations import set_residual
+from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.rows import REGULARISATION
 from anctmm.system.system import System
 

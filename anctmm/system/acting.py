@@ -328,7 +328,6 @@ def load_at(space: tuple[int, ...], acting: Acting, n: int, q: Array, value: Arr
         force[0], force[1] = c * value[0] - s * value[1], s * value[0] + c * value[1]
 
 
-@part
 def add_loads(space: tuple[int, ...], acting: Acting, q: Array, values: Array, f: Array) -> None:
     """Add the forces of loads to f, (rows, nodes); values, (loads, dim)."""
     force = vector(space)
@@ -414,7 +413,6 @@ def slopes(acting, n, x, rate, t):  # type: ignore[no-untyped-def]
     return by_x, by_rate
 
 
-@part
 def add_connectors(
     space: tuple[int, ...], acting: Acting, q: Array, v: Array, free: Array, t: float, f: Array
 ) -> None:
@@ -438,8 +436,8 @@ def add_connectors(
         acting.now[n, 3], acting.now[n, 4] = 0.5 * (force - force_of(acting, n, x, -change, t)), x
 
 
-@part
 def add_acting_tangents(
+    size: tuple[int, ...],
     space: tuple[int, ...],
     acting: Acting,
     q: Array,
@@ -449,7 +447,6 @@ def add_acting_tangents(
     factor: float,
     rate_factor: float,
     flat: Array,
-    size: int,
 ) -> None:
     """Add the stiffness of loads and connectors, times a factor, to the matrix; of followers the symmetric part.
 
@@ -461,10 +458,12 @@ def add_acting_tangents(
     for n in range(loads):
         if acting.load_kind[n] != DEAD:
             _load_stiffness(space, acting, n, q, inputs.loads[time, n], factor, own, mixed, other)
-            add_forms(acting, n, acting.load_form[n], acting.load_turns[n], own, mixed, other, flat, size)
+            add_forms(
+                acting, n, acting.load_form[n], acting.load_turns[n], own, mixed, other, flat, len(size)
+            )
     for n in range(len(acting.kind)):
         _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, own, mixed, other)
-        add_forms(acting, loads + n, acting.one[n], acting.two[n], own, mixed, other, flat, size)
+        add_forms(acting, loads + n, acting.one[n], acting.two[n], own, mixed, other, flat, len(size))
 
 
 @part

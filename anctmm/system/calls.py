@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.kernels.intrinsics import call, call_number
 from anctmm.kernels.options import c_function, kernel, part
-from anctmm.system import acting, elastic, forces, rows, tangents
+from anctmm.system import acting, elastic, matrix, rows
 from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
@@ -26,43 +26,47 @@ _GIVEN = ("inputs", types.int64)  # and which time of them
 
 #: Inputs of no particular scene, for their type.
 INPUTS = Inputs(np.zeros(1), np.zeros((1, 1, 3)), np.zeros((1, 0, 2)), np.zeros((1, 0, 2)))
-#: The functions, their results, and the types of their arguments; names are those of what `System` has.
+#: The functions, their results, and the types of their arguments; names are those of what a scene has.
 FUNCTIONS: list[tuple[Callable[..., Any], Any, tuple[Any, ...]]] = [
-    (forces.set_forces, _NONE, ("space", "tables", _A, _A, *_GIVEN, _A)),
-    (forces.set_reactions, _NONE, ("space", "tables", _A, _A, _A, *_GIVEN, _A)),
-    (tangents.set_matrix, _NONE, ("size", "space", "tables", _A, _A, *_GIVEN, *3 * (_NUMBER,))),
-    (tangents.factorize_matrix, _NUMBER, ("size", "tables")),
-    (tangents.solve_for, _NONE, ("size", "space", "tables", _A)),
+    (elastic.subtract_elastic, _NONE, ("space", "elements", _A, _A)),
+    (elastic.subtract_damping, _NONE, ("space", "elements", _A, _A, _A)),
+    (elastic.subtract_beside, _NONE, ("space", "elements", "driven", _A, _A, _A, _A)),
+    (elastic.add_mass, _NONE, ("size", "space", "elements", _NUMBER, _V)),
+    (elastic.add_tangent, _NONE, ("size", "space", "elements", _A, _NUMBER, _V)),
+    (elastic.kinetic_energy, _NUMBER, ("space", "elements", _A, _A)),
+    (elastic.strain_energy, _NUMBER, ("elements", _A)),
+    (acting.add_loads, _NONE, ("space", "acting", _A, _A, _A)),
+    (acting.add_connectors, _NONE, ("space", "acting", _A, _A, _A, _NUMBER, _A)),
+    (acting.add_acting_tangents, _NONE, ("size", "space", "acting", _A, _A, *_GIVEN, _NUMBER, _NUMBER, _V)),
+    (acting.work_done, _NONE, ("space", "acting", types.boolean, _A, *_GIVEN, _V)),
+    (acting.power, _NONE, ("space", "acting", _A, _A, *_GIVEN, _V)),
     (rows.set_rows, _NUMBER, ("rows", _A, _A)),
     (rows.set_jacobian, _NONE, ("rows", _A, _A)),
     (rows.set_rates, _NUMBER, ("rows", _A, _A, _A)),
     (rows.set_accelerations, _NONE, ("rows", _A, _A, _A, _A)),
     (rows.drive_power, _NUMBER, ("rows", _A, _A)),
     (rows.drive_work, _NUMBER, ("rows", _A, _A, types.boolean, _A)),
-    (acting.work_done, _NONE, ("space", "acting", types.boolean, _A, *_GIVEN, _V)),
-    (acting.power, _NONE, ("space", "acting", _A, _A, *_GIVEN, _V)),
-    (elastic.kinetic_energy, _NUMBER, ("space", "elements", _A, _A)),
-    (elastic.strain_energy, _NUMBER, ("elements", _A)),
+    (matrix.add_rows, _NONE, ("size", "rows", _V, _NUMBER, _NUMBER, _A)),
+    (matrix.factorize_matrix, _NUMBER, ("size", "matrix")),
+    (matrix.solve_for, _NONE, ("size", "space", "matrix", "rows", _A)),
 ]
 #: Their places.
 (
-    FORCES, REACTIONS, MATRIX, FACTORIZE, SOLVE, ROWS, JACOBIAN, RATES, ACCELERATIONS, DRIVE_POWER, DRIVE_WORK,
-    WORK, POWER, KINETIC, STRAIN,
+    ELASTIC, DAMPING, BESIDE, MASS, TANGENT, KINETIC, STRAIN, LOADS, CONNECTORS, ACTING_TANGENTS, WORK, POWER, ROWS,
+    JACOBIAN, RATES, ACCELERATIONS, DRIVE_POWER, DRIVE_WORK, ADD_ROWS, FACTORIZE, SOLVE,
 ) = range(len(FUNCTIONS))  # fmt: skip
 
 
 def addresses_of(size: Zeros, space: Zeros, tables: Tables) -> NDArray[np.int64]:
     """Addresses of all functions for a scene."""
-    groups = (tables.elements, tables.rows, tables.acting)
-    return _addresses(*map(typeof, (size, space, tables, INPUTS, *groups)))
+    given = {"size": size, "space": space, "inputs": INPUTS, **tables._asdict()}
+    return _addresses(tuple((name, typeof(one)) for name, one in given.items()))
 
 
 @cache
-def _addresses(
-    size: Any, space: Any, tables: Any, inputs: Any, elements: Any, rows: Any, acting: Any
-) -> NDArray[np.int64]:
-    """The same by the types of what `FUNCTIONS` names."""
-    known = locals()
+def _addresses(kinds: tuple[tuple[str, Any], ...]) -> NDArray[np.int64]:
+    """The same by names and types of what a scene has."""
+    known = dict(kinds)
     compiled = [
         c_function(result(*(known[one] if isinstance(one, str) else one for one in arguments)), function)
         for function, result, arguments in FUNCTIONS
@@ -71,34 +75,76 @@ def _addresses(
 
 
 @part
-def set_forces(space, tables, q, v, inputs, n, f):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.forces`."""
-    call(tables.calls[FORCES], space, tables, q, v, inputs, n, f)
+def subtract_elastic(space, tables, q, f):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    call(tables.calls[ELASTIC], space, tables.elements, q, f)
 
 
 @part
-def set_reactions(space, tables, q, v, w, inputs, n, f):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.forces`."""
-    call(tables.calls[REACTIONS], space, tables, q, v, w, inputs, n, f)
-
-
-@kernel
-def set_matrix(size, space, tables, q, v, inputs, n, mass, stiffness, rate):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.tangents`."""
-    address = tables.calls[MATRIX]
-    call(address, size, space, tables, q, v, inputs, n, mass, stiffness, rate)
-
-
-@kernel
-def factorize_matrix(size, tables):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.tangents`."""
-    return int(call_number(tables.calls[FACTORIZE], size, tables))
+def subtract_damping(space, tables, q, v, f):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    call(tables.calls[DAMPING], space, tables.elements, q, v, f)
 
 
 @part
-def solve_for(size, space, tables, x):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.tangents`."""
-    call(tables.calls[SOLVE], size, space, tables, x)
+def subtract_beside(space, tables, q, v, w, f):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    call(tables.calls[BESIDE], space, tables.elements, tables.driven, q, v, w, f)
+
+
+@part
+def add_mass(size, space, tables, factor):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    call(tables.calls[MASS], size, space, tables.elements, factor, tables.matrix.flat)
+
+
+@part
+def add_tangent(size, space, tables, q, factor):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    call(tables.calls[TANGENT], size, space, tables.elements, q, factor, tables.matrix.flat)
+
+
+@part
+def kinetic_energy(space, tables, v, scratch):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    return call_number(tables.calls[KINETIC], space, tables.elements, v, scratch)
+
+
+@kernel
+def strain_energy(tables, q):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.elastic`."""
+    return call_number(tables.calls[STRAIN], tables.elements, q)
+
+
+@part
+def add_loads(space, tables, q, values, f):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.acting`."""
+    call(tables.calls[LOADS], space, tables.acting, q, values, f)
+
+
+@part
+def add_connectors(space, tables, q, v, free, t, f):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.acting`."""
+    call(tables.calls[CONNECTORS], space, tables.acting, q, v, free, t, f)
+
+
+@part
+def add_acting_tangents(size, space, tables, q, v, inputs, n, factor, rate):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.acting`."""
+    flat, address = tables.matrix.flat, tables.calls[ACTING_TANGENTS]
+    call(address, size, space, tables.acting, q, v, inputs, n, factor, rate, flat)
+
+
+@part
+def work_done(space, tables, moving, q, inputs, n, out):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.acting`."""
+    call(tables.calls[WORK], space, tables.acting, moving, q, inputs, n, out)
+
+
+@part
+def power(space, tables, q, v, inputs, n, out):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.acting`."""
+    call(tables.calls[POWER], space, tables.acting, q, v, inputs, n, out)
 
 
 @part
@@ -138,24 +184,18 @@ def drive_work(tables, q, signals, moving, memory):  # type: ignore[no-untyped-d
 
 
 @part
-def work_done(space, tables, moving, q, inputs, n, out):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.acting`."""
-    call(tables.calls[WORK], space, tables.acting, moving, q, inputs, n, out)
-
-
-@part
-def power(space, tables, q, v, inputs, n, out):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.acting`."""
-    call(tables.calls[POWER], space, tables.acting, q, v, inputs, n, out)
-
-
-@part
-def kinetic_energy(space, tables, v, scratch):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.elastic`."""
-    return call_number(tables.calls[KINETIC], space, tables.elements, v, scratch)
+def add_rows(size, tables, mass, stiffness, signals):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.matrix`."""
+    call(tables.calls[ADD_ROWS], size, tables.rows, tables.matrix.flat, mass, stiffness, signals)
 
 
 @kernel
-def strain_energy(tables, q):  # type: ignore[no-untyped-def]
-    """See `anctmm.system.elastic`."""
-    return call_number(tables.calls[STRAIN], tables.elements, q)
+def factorize_matrix(size, tables):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.matrix`."""
+    return int(call_number(tables.calls[FACTORIZE], size, tables.matrix))
+
+
+@part
+def solve_for(size, space, tables, x):  # type: ignore[no-untyped-def]
+    """See `anctmm.system.matrix`."""
+    call(tables.calls[SOLVE], size, space, tables.matrix, tables.rows, x)

@@ -191,7 +191,6 @@ def take_forces(space, out, vectors, first, count, f):  # type: ignore[no-untype
             f[k, first + j + 1] -= out[(6 + k) * BLOCK + j]
 
 
-@part
 def subtract_elastic(space: Zeros, elements: Elements, q: Array, f: Array) -> None:
     """Subtract the elastic forces, the gradient of the strain energy, from f, (rows, nodes)."""
     for b in range(len(elements.first)):
@@ -203,7 +202,6 @@ def subtract_elastic(space: Zeros, elements: Elements, q: Array, f: Array) -> No
             done += some
 
 
-@part
 def subtract_damping(space: Zeros, elements: Elements, q: Array, v: Array, f: Array) -> None:
     """Subtract the damping forces at velocities v from f."""
     for b in range(len(elements.first)):
@@ -254,11 +252,17 @@ def subtract_rigid_inertia(elements: Elements, w: Array, f: Array) -> None:
             f[k, i] -= s
 
 
-@part
-def subtract_element(
-    space: Zeros, elements: Elements, b: int, i: int, q: Array, v: Array, w: Array, f: Array
+def subtract_beside(
+    space: Zeros, elements: Elements, driven: Any, q: Array, v: Array, w: Array, f: Array
 ) -> None:
-    """Subtract elastic, damping and inertia forces of the element of beam b behind node i."""
+    """Subtract elastic, damping and inertia forces of the elements next to driven nodes."""
+    for k in range(len(driven.beam)):
+        _subtract_element(space, elements, driven.beam[k], driven.element[k], q, v, w, f)
+
+
+@part
+def _subtract_element(space, elements, b, i, q, v, w, f):  # type: ignore[no-untyped-def]
+    """Subtract those of the element of beam b behind node i."""
     out, constants, vectors = elements.buffer, elements.constants[b], elements.vectors[b]
     call(elements.kernels[b, FORCES], q, i, ONE, constants, out)
     take_forces(space, out, vectors, i, ONE, f)
@@ -268,7 +272,6 @@ def subtract_element(
     _row_inertia(space, elements.masses[b], w, i, ONE, f)
 
 
-@part
 def add_mass(size: Zeros, space: Zeros, elements: Elements, factor: float, flat: Array) -> None:
     """Add factor · M to the matrix."""
     e, masses, pairs, number = 0, elements.masses, elements.pairs, elements.number
@@ -296,7 +299,6 @@ def add_mass(size: Zeros, space: Zeros, elements: Elements, factor: float, flat:
                 p += 1
 
 
-@part
 def add_tangent(size: Zeros, space: Zeros, elements: Elements, q: Array, factor: float, flat: Array) -> None:
     """Add factor · K, with the damping of `stiffened`, to the matrix."""
     e, out = 0, elements.tangents

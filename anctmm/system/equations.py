@@ -1,12 +1,13 @@
-"""The residual of the equations of motion at one state, for Newton's method, statics and modes."""
+"""The equations of motion at one state: residual and matrix, for Newton's method, statics and modes."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.kernels.options import kernel
-from anctmm.system.calls import set_forces, set_jacobian, set_rows
+from anctmm.system.calls import add_acting_tangents, add_mass, add_rows, add_tangent, set_jacobian, set_rows
 from anctmm.system.elastic import subtract_inertia
-from anctmm.system.matrix import gather
+from anctmm.system.forces import set_forces
+from anctmm.system.matrix import clear, gather
 from anctmm.system.rows import add_row_forces
 from anctmm.system.tables import Inputs, Tables
 
@@ -40,3 +41,26 @@ def set_residual(
         add_row_forces(tables.rows, f)
     gather(space, tables.matrix.at, f, tables.matrix.unknowns)
     return largest
+
+
+@kernel
+def set_matrix(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    tables: Tables,
+    q: Array,
+    v: Array,
+    inputs: Inputs,
+    n: int,
+    mass: float,
+    stiffness: float,
+    rate: float,
+) -> None:
+    """The matrix mass · M + stiffness · K, with the rows and their J; `rate`: dv/dq of a step, 1/s, for dampers."""
+    clear(tables.matrix.flat, len(size), tables.matrix.padding)
+    add_mass(size, space, tables, mass)
+    if stiffness != 0.0:
+        add_tangent(size, space, tables, q, stiffness)
+        if len(tables.acting.kind) + len(tables.acting.load_kind) > 0:
+            add_acting_tangents(size, space, tables, q, v, inputs, n, stiffness, rate)
+    add_rows(size, tables, max(mass, 1e-300), stiffness, inputs.signals[n])

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.options import inlined
-from anctmm.system.acting import add_connectors, add_loads
-from anctmm.system.elastic import subtract_damping, subtract_elastic, subtract_element, subtract_rigid_inertia
+from anctmm.kernels.options import inlined, part
+from anctmm.system.calls import add_connectors, add_loads, subtract_beside, subtract_damping, subtract_elastic
+from anctmm.system.elastic import subtract_rigid_inertia
 from anctmm.system.rows import add_row_forces
 from anctmm.system.tables import Inputs, Tables
 
@@ -27,6 +27,7 @@ def place_driven(driven, signals, q, v, w):  # type: ignore[no-untyped-def]
             q[a + k, i], v[a + k, i], w[a + k, i] = x, rate, acceleration
 
 
+@part
 def set_forces(
     space: tuple[int, ...], tables: Tables, q: Array, v: Array, inputs: Inputs, n: int, f: Array
 ) -> None:
@@ -36,14 +37,15 @@ def set_forces(
         for i in range(f.shape[1]):
             f[k, i] = dead[k, i]
     if len(tables.acting.load_kind) > 0:
-        add_loads(space, tables.acting, q, inputs.loads[n], f)
+        add_loads(space, tables, q, inputs.loads[n], f)
     if len(tables.acting.kind) > 0:
-        add_connectors(space, tables.acting, q, v, inputs.free[n], inputs.t[n], f)
+        add_connectors(space, tables, q, v, inputs.free[n], inputs.t[n], f)
     if tables.damped[1] != 0:
-        subtract_damping(space, tables.elements, q, v, f)
-    subtract_elastic(space, tables.elements, q, f)
+        subtract_damping(space, tables, q, v, f)
+    subtract_elastic(space, tables, q, f)
 
 
+@part
 def set_reactions(
     space: tuple[int, ...],
     tables: Tables,
@@ -55,18 +57,16 @@ def set_reactions(
     f: Array,
 ) -> None:
     """Make f the forces that drives exert on driven vectors; elsewhere it means nothing."""
-    elements, driven = tables.elements, tables.driven
+    dead = tables.dead
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
-            f[k, i] = tables.dead[k, i]
+            f[k, i] = dead[k, i]
     if len(tables.acting.load_kind) > 0:
-        add_loads(space, tables.acting, q, inputs.loads[n], f)
+        add_loads(space, tables, q, inputs.loads[n], f)
     if len(tables.acting.kind) > 0:
-        add_connectors(space, tables.acting, q, v, inputs.free[n], inputs.t[n], f)
-    for k in range(len(driven.beam)):
-        b, i = driven.beam[k], driven.element[k]
-        subtract_element(space, elements, b, i, q, v, w, f)
-    subtract_rigid_inertia(elements, w, f)
+        add_connectors(space, tables, q, v, inputs.free[n], inputs.t[n], f)
+    subtract_beside(space, tables, q, v, w, f)
+    subtract_rigid_inertia(tables.elements, w, f)
     add_row_forces(tables.rows, f)
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):

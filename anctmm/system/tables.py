@@ -5,40 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elimination.order import Plan
 from anctmm.kernels.intrinsics import by_address
 from anctmm.system.acting import Acting
 from anctmm.system.elastic import Elements
+from anctmm.system.matrix import Matrix
 from anctmm.system.rows import Rows
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-@by_address
-class Matrix(NamedTuple):
-    """The matrix and the unknowns, for kernels.
-
-    Parameters
-    ----------
-    plan : Plan
-    values, flat : ndarray, shape (blocks + entries, rows, rows), and the same as a vector
-        The matrix, or its factors.
-    x, unknowns : ndarray, shape (blocks, rows), and the same as a vector
-        Right-hand side and solution.
-    at : ndarray of int, shape (slots, nodes)
-        Place of each vector in the unknowns, −1 of a known one.
-    padding : ndarray of int
-        Unknowns of no meaning.
-    """
-
-    plan: Plan
-    values: Array
-    flat: Array
-    x: Array
-    unknowns: Array
-    at: Ints
-    padding: Ints
 
 
 @by_address

@@ -15,20 +15,8 @@ Array = NDArray[np.float64]
 class Cantilever:
     """A straight rod, clamped at its start, under loads that keep their direction.
 
-    Parameters
-    ----------
-    length : float
-        Undeformed, m.
-    force : (float, float)
-        On the end, N.
-    moment : float
-        On the end, positive counter-clockwise, N m.
-    weight : (float, float)
-        Per undeformed length, N/m.
-    start : (float, float)
-        Place of the clamp, m.
-    angle : float
-        Direction of the undeformed rod, rad.
+    `length` is undeformed, m; `force` (N) and `moment` (N m, counter-clockwise) act on the end, `weight` per undeformed
+    length, N/m. `start` is the place of the clamp, m, and `angle` the direction of the undeformed rod, rad.
 
     Raises
     ------

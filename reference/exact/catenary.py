@@ -24,16 +24,8 @@ Array = NDArray[np.float64]
 class Catenary:
     """A cable that hangs between two points, its weight along −y.
 
-    Parameters
-    ----------
-    end : (float, float)
-        From its start to its end, m; x > 0.
-    length : float
-        Undeformed, m.
-    weight : float
-        Per undeformed length, N/m.
-    axial : float
-        EA, N.
+    `end` is the way from its start to its end, m, x > 0, `length` undeformed, m, `weight` per undeformed length, N/m,
+    and `axial` EA, N.
 
     Raises
     ------

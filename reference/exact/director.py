@@ -93,19 +93,9 @@ class Fibres:
 class DirectorShape:
     """Deformed cantilever of the two-director continuum.
 
-    Parameters
-    ----------
-    problem : Cantilever
-    breaks : ndarray, shape (elements + 1,)
-        Fractions of the length.
-    slopes : ndarray, shape (elements, degree + 1, 2)
-        Legendre coefficients of c' in each part.
-    directors : ndarray, shape (elements, degree + 2, 2)
-        Legendre coefficients of d.
-    strain_energy : float
-        J.
-    uncertainty : float
-        Change of the tip from a lower degree, m.
+    `breaks` are fractions of the length, (elements + 1,); `slopes` and `directors` the Legendre coefficients of c' and
+    d in each part, (elements, degree + 1 or 2, 2). `load_potential` is that of
+    force and weight, zero before the loads, J; `uncertainty` the change of the tip from a lower degree, m.
     """
 
     problem: Cantilever
@@ -113,6 +103,7 @@ class DirectorShape:
     slopes: Array
     directors: Array
     strain_energy: float
+    load_potential: float
     uncertainty: float = float("nan")
 
     def _part(self, fraction: float) -> tuple[int, float]:
@@ -143,16 +134,6 @@ class DirectorShape:
         d = np.array([self.director(f) for f in np.linspace(0.0, fraction, 257)])
         turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
         return self.problem.angle + float(turn[-1] - turn[0])
-
-    @property
-    def load_potential(self) -> float:
-        """Potential of force and weight, zero before the loads, J."""
-        x, w = gauss(self.slopes.shape[1] + 1)
-        n = self.problem.internal_force(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
-        stretch = np.einsum("gk,ekc->egc", legvander(2.0 * x - 1.0, self.slopes.shape[1] - 1), self.slopes)
-        stretch = stretch - [np.cos(self.problem.angle), np.sin(self.problem.angle)]
-        lengths = np.diff(self.breaks) * self.problem.length
-        return -float(np.einsum("e,g,egc,egc->", lengths, w, n, stretch))
 
     @property
     def moment_work(self) -> float:
@@ -314,7 +295,10 @@ class _Ritz:
             directors[e] = legint(series, lbnd=-1, scl=0.5)
             directors[e, 0] += left
         energy = float(self.weights @ self.fibres.energy(self._at_points(u)))
-        return DirectorShape(self.problem, self.breaks, slopes, directors, energy)
+        moved = slopes.copy()
+        moved[:, 0] -= [np.cos(self.problem.angle), np.sin(self.problem.angle)]
+        potential = -float(self.loads[: moved.size] @ moved.ravel())
+        return DirectorShape(self.problem, self.breaks, slopes, directors, energy, potential)
 
 
 def _dot(a: Array, b: Array) -> Array:

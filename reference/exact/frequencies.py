@@ -21,24 +21,10 @@ AXIAL = ("clamped-clamped", "clamped-free", "free-free")
 def euler_bernoulli_frequencies(
     ends: str, count: int, length: float, bending: float, mass_per_length: float
 ) -> Array:
-    """Bending frequencies ω_k = (βL)_k² √(EI/ρA)/L², (count,), rad/s.
+    """Bending frequencies ω_k = (βL)_k² √(EI/ρA)/L², (count,), rad/s, of EI (N m²) and ρA (kg/m).
 
-    Parameters
-    ----------
-    ends : str
-        "clamped-clamped", "clamped-free", "clamped-pinned", "free-free" or "pinned-pinned".
-    count : int
-        How many.
-    length : float
-        m.
-    bending : float
-        EI, N m².
-    mass_per_length : float
-        ρA, kg/m.
-
-    References
-    ----------
-    Weaver, Timoshenko & Young 1990, "Vibration Problems in Engineering", section 5.
+    `ends` is "clamped-clamped", "clamped-free", "clamped-pinned", "free-free" or "pinned-pinned" (Weaver, Timoshenko &
+    Young 1990, "Vibration Problems in Engineering", section 5).
     """
     one_of("ends", ends, BENDING)
     ratio = positive("bending (N m²)", bending) / positive("mass_per_length (kg/m)", mass_per_length)
@@ -60,18 +46,7 @@ def _wave_number(ends: str, k: int) -> float:
 def axial_frequencies(ends: str, count: int, length: float, axial: float, mass_per_length: float) -> Array:
     """Axial frequencies k π c/L, or (k − ½) π c/L with one end clamped, c = √(EA/ρA), (count,), rad/s.
 
-    Parameters
-    ----------
-    ends : str
-        "clamped-clamped", "clamped-free" or "free-free".
-    count : int
-        How many.
-    length : float
-        m.
-    axial : float
-        EA, N.
-    mass_per_length : float
-        ρA, kg/m.
+    `ends` is "clamped-clamped", "clamped-free" or "free-free", `axial` EA, N, and `mass_per_length` ρA, kg/m.
     """
     one_of("ends", ends, AXIAL)
     speed = sqrt(positive("axial (N)", axial) / positive("mass_per_length (kg/m)", mass_per_length))

@@ -42,15 +42,7 @@ NEWTON_ITERATIONS = 15
 
 @dataclass(frozen=True)
 class Rigidity:
-    """Cross-sectional stiffness; an infinite one forbids its strain.
-
-    Parameters
-    ----------
-    bending : float
-        EI, N m².
-    axial, shear : float
-        EA and shear factor times GA, N.
-    """
+    """EI (N m²), EA and the shear factor times GA (N); an infinite one forbids its strain."""
 
     bending: float
     axial: float = inf
@@ -68,11 +60,10 @@ class Rigidity:
         return cls(material.E * section.second_moment, material.E * section.area)
 
     @classmethod
-    def timoshenko(cls, section: Section, material: Material, shear_factor: float = 1.0) -> "Rigidity":
-        """Extensible with shear, for uniaxial stress."""
-        factor = positive("shear factor", shear_factor)
-        _, G = material.lame
-        return cls(material.E * section.second_moment, material.E * section.area, factor * G * section.area)
+    def timoshenko(cls, section: Section, material: Material) -> "Rigidity":
+        """Extensible with shear, of factor 1, for uniaxial stress."""
+        area = section.area
+        return cls(material.E * section.second_moment, material.E * area, material.lame[1] * area)
 
     @classmethod
     def shear_element(cls, section: Section, material: Material) -> "Rigidity":
@@ -90,16 +81,8 @@ class Rigidity:
 class RodShape:
     """Deformed cantilever rod.
 
-    Parameters
-    ----------
-    problem : Cantilever
-    rigidity : Rigidity
-    theta, bending_moment : Legendre
-        Director angle, rad, and moment, N m, over the fraction of the length.
-    axis : tuple of Legendre
-        x and y over the fraction, m.
-    uncertainty : float
-        Estimated error of a position, m: truncation and rounding.
+    `theta` is the director angle, rad, and `bending_moment` the moment, N m, over the fraction of the length, `axis` x
+    and y, m. `uncertainty` estimates the error of a position, m: truncation and rounding.
     """
 
     problem: Cantilever

@@ -22,13 +22,9 @@ Shape = RodShape | DirectorShape
 
 
 def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
-    """The cantilever a scene is.
+    """The cantilever a scene is: one beam clamped at its start, constant forces and torques at its end, gravity.
 
-    Parameters
-    ----------
-    scene : Scene
-        One beam; a fixed Clamp on its start and no other joint; constant forces and torques; gravity. Loads
-        on the clamped end go into the ground and change nothing. The initial velocity does not matter.
+    Loads on the clamped end go into the ground and change nothing. The initial velocity does not matter.
 
     Raises
     ------
@@ -112,12 +108,7 @@ def solve_static(scene: Scene, model: str = "elastica") -> Solution:
 
 @dataclass(frozen=True)
 class StaticField:
-    """Axis of a cantilever without and with its loads.
-
-    Parameters
-    ----------
-    shape : RodShape or DirectorShape
-    """
+    """Axis of a cantilever without and with its loads."""
 
     shape: Shape
 

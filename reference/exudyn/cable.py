@@ -46,24 +46,18 @@ def solve(
     newton: str = "modified",
     **options: Any,
 ) -> Solution:
-    """Motion of a scene by Exudyn with cables.
+    """Motion of a scene by Exudyn with cables, with status "unsupported" where Exudyn cannot do it.
 
     Parameters
     ----------
-    scene : Scene
-    run : Discretisation, optional
-        Or its fields as keywords. `newton_tolerance` is not used: Exudyn bounds residuals.
+    scene, run
+        `newton_tolerance` is not used: Exudyn bounds residuals.
     tolerances : (float, float), optional
         Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
         1e-9 or what rounding leaves, if that is more.
     newton : str
         When Newton's iteration takes a new tangent: "modified", where it converges too slowly; "each-step", at
         the start of each step; "full", at each correction.
-
-    Returns
-    -------
-    Solution
-        With status "unsupported" where Exudyn cannot do the scene.
     """
     return Cables(scene, discretise(run, options), tolerances=tolerances, newton=newton).solution()
 

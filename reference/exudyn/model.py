@@ -122,14 +122,7 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
 class Model:
     """A scene as an Exudyn system, not yet assembled; joints, connectors and loads are added by other modules.
 
-    Parameters
-    ----------
-    exu : module
-    scene : Scene
-    beams : Beams
-    run : Discretisation
-    static : bool
-        Whether loads are held at their values of t = 0 and drives at their start.
+    `static`: whether loads are held at their values of t = 0 and drives at their start.
     """
 
     exu: Any
@@ -155,11 +148,10 @@ class Model:
         velocities = joined_velocities(self.scene, self.beams)
         for body in self.scene.bodies:
             if isinstance(body, Beam):
-                self.nodes[body.name], self.objects[body.name] = self.beams.add(
-                    self, body, velocities[body.name]
-                )
+                nodes, self.objects[body.name] = self.beams.add(self, body, velocities[body.name])
                 per_length = body.material.density * body.section.area * np.array(self.scene.gravity)
-                self.add_forces(self.nodes[body.name], self.beams.uniform(body, per_length))
+                self.add_forces(nodes, self.beams.uniform(body, per_length))
+                self.nodes[body.name] = nodes
             else:
                 self._add_body(body)
         variables = self.exu.OutputVariableType
@@ -196,7 +188,7 @@ class Model:
         found, negligible = (
             [],
             1e-13 * np.abs(forces).max(),
-        )  # gradients' forces cancel between equal elements
+        )  # those of gradients cancel between equal elements
         for k, node in enumerate(nodes):
             for index in np.flatnonzero(np.abs(forces[k]) > negligible).tolist():
                 load = self.items.LoadCoordinate(

@@ -56,28 +56,26 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
 
 def python_callbacks(scene: Scene) -> bool:
     """Whether Exudyn calls Python in its steps: for laws, equations of ours, and histories that it cannot compile."""
-    laws = any(c.law is not None for c in scene.connectors)
-    driven = any(callable(c.length if isinstance(c, Spring) else c.angle) for c in scene.connectors)
-    loads = any(
+    springs = (
+        c.law is not None or callable(c.length if isinstance(c, Spring) else c.angle)
+        for c in scene.connectors
+    )
+    loads = (
         callable(x.value) and not (isinstance(x, Torque) and type(x.value) is Pulse) for x in scene.loads
     )
-    drives = any(
+    drives = (
         drive_of(j) is not None and not (isinstance(j, Clamp) and type(j.angle) is Quintic)
         for j in scene.joints
     )
-    return laws or driven or loads or drives or any(needs_equations(scene, j) for j in scene.joints)
+    return any((*springs, *loads, *drives, *(needs_equations(scene, j) for j in scene.joints)))
 
 
 @dataclass
 class ExudynAdapter(Adapter):
     """A scene in Exudyn with one kind of beams, of which a class says all that `reference.exudyn.model.Beams` has.
 
-    Parameters
-    ----------
-    tolerances : (float, float), optional
-        Newton's, of the residual: relative to the first one of a step, and absolute, N.
-    newton : str
-        One of `NEWTON`.
+    `tolerances` are Newton's, of the residual: relative to the first one of a step, and absolute, N; `newton` is one of
+    `NEWTON`.
     """
 
     tolerances: Any = None

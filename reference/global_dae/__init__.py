@@ -33,7 +33,7 @@ def solve(
     linear_algebra: str = "sparse-factored-once",
     **options: Any,
 ) -> Solution:
-    """Motion of a scene.
+    """Motion of a scene; its Solution's `dofs` count the coordinates of all bodies, not the multipliers.
 
     Parameters
     ----------
@@ -44,11 +44,6 @@ def solve(
         Of scenes that the compiled solver has. "sparse-factored-once": the constant matrix of explicit steps is
         factored once, that of Newton's iteration only when it converges slowly. "dense-refactor": a dense matrix is
         solved by LAPACK at each step and each Newton iteration, as the paper's ordinary ANCF does.
-
-    Returns
-    -------
-    Solution
-        `dofs` counts the coordinates of all bodies, not the multipliers.
 
     Raises
     ------
@@ -85,18 +80,8 @@ def solve_static(
 ) -> Solution:
     """Equilibrium of a scene under gravity and the loads of t = 0; parameters and errors as of `solve`.
 
-    Parameters
-    ----------
-    scene, run
-        Mesh, element, quadrature and newton_tolerance matter.
-    load_steps : int
-        Equal parts of the load whose equilibria are kept; parts that Newton does not reach are halved as needed.
-
-    Returns
-    -------
-    Solution
-        `t` holds the load factors. Equilibria that are not stable make the status "unstable" or "singular", as in
-        `anctmm.solve_static`.
+    `load_steps` equal parts of the load are kept; those that Newton does not reach are halved as needed. `t` holds the
+    load factors. Equilibria that are not stable make the status "unstable" or "singular", as in `anctmm.solve_static`.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     check_memory(_offered(scene), run, SPARSE, outputs=load_steps + 1)

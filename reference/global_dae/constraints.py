@@ -61,14 +61,7 @@ class Row(NamedTuple):
 
 
 class Constraints:
-    """All constraints of a scene, evaluated together; p may be that of several times, (…, count, 3).
-
-    Parameters
-    ----------
-    rows : sequence of Row
-    size : int
-        Number of coordinates.
-    """
+    """All constraints on `size` coordinates, evaluated together; p may be that of several times, (…, count, 3)."""
 
     def __init__(self, rows: Sequence[Row], size: int) -> None:
         self.rows, self.size, self.count = rows, size, len(rows)
@@ -126,16 +119,20 @@ class Constraints:
 
     def rate(self, q: Array, p: Array) -> Array:
         """∂Φ/∂t, (…, count)."""
-        return (self._sum(self._products(*self._ends(q), p)[1]) - self.along) * p[..., 1]
+        return self.by_parameter(q, p) * p[..., 1]
+
+    def by_parameter(self, q: Array, p: Array) -> Array:
+        """∂Φ/∂p, (…, count)."""
+        return self._sum(self._products(*self._ends(q), p)[1]) - self.along
 
     def right(self, q: Array, v: Array, p: Array) -> Array:
         """γ of J q̈ = γ, (…, count)."""
         (one, two), (x, y) = self._ends(q), self.vectors.rate(v).reshape(-1, 2, 2).transpose(1, 0, 2)
-        value, slope = self._products(one, two, p)
+        value = self._products(one, two, p)[0]
         turning = self.turned * p[..., self.row, 1]
         mixed = turning * (self._products(x, two, p)[1] + self._products(one, y, p)[1])
         second = 2.0 * (self._products(x, y, p)[0] + mixed) - turning**2 * value
-        return -self._sum(second) - (self._sum(slope) - self.along) * p[..., 2]
+        return -self._sum(second) - self.by_parameter(q, p) * p[..., 2]
 
     def _ends(self, q: Array) -> Array:
         """Both vectors of all terms, (2, terms, 2)."""

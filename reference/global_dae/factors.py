@@ -43,13 +43,8 @@ class Factors(NamedTuple):
 def factorise(A: Matrix, size: int, places: Ints) -> tuple[Factors, bool]:
     """Factors of a symmetric matrix, and whether no pivot is lost.
 
-    Parameters
-    ----------
-    A : sparse array
-        Of `size` coordinates, and then of the multipliers of rows.
-    size : int
-    places : ndarray, shape (n, 1 or 2)
-        Of its unknowns in the flat vectors.
+    A is of `size` coordinates, and then of the multipliers of rows; its unknowns stand at `places` (n, 1 or 2) of the
+    flat vectors.
     """
     n, order = A.shape[0], order_of(A, size)
     counted = sparse.csc_array((np.arange(1.0, A.nnz + 1.0), A.indices, A.indptr), shape=A.shape)

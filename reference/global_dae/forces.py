@@ -5,7 +5,6 @@ load (statics) it pulls by N(s) − (1 − f) N(placed): the reference is an equ
 the integral of that force from the free length placed + f (free − placed) on. All other loads act by f times theirs.
 """
 
-from collections.abc import Sequence
 from math import pi
 from typing import NamedTuple
 
@@ -28,18 +27,26 @@ Parts = tuple[Array, Array, Array]
 STEP = 1e-6
 
 
+class Effort(NamedTuple):
+    """Forces, and the values that they work along with the rates of these."""
+
+    forces: Array
+    values: Array
+    rates: Array
+
+
 class ForceElement:
     """What acts on vectors: their values are x, (k, 2), and the rates y."""
 
-    vectors: Sequence[Vector]
+    vectors: list[Vector]
 
     def evaluate(self, x: Array, y: Array, t: float, factor: float = 1.0) -> Parts:
         """Forces on the components of the vectors, (2k,), and their derivatives −∂f/∂x and −∂f/∂y, (2k, 2k)."""
         raise NotImplementedError
 
-    def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
-        """Power of what has no potential, and the part of damping in it, W."""
-        return float(self.evaluate(x, y, t)[0] @ y.ravel()), 0.0
+    def effort(self, x: Array, y: Array, t: float) -> tuple[Effort, Effort]:
+        """What does work and has no potential, and the part of damping in it."""
+        return Effort(self.evaluate(x, y, t)[0], x.ravel(), y.ravel()), Effort(*np.zeros((3, 0)))
 
     def accept(self, x: Array) -> None:
         """Accept a state: whole turns are counted from here."""
@@ -152,14 +159,16 @@ class ConnectorForce(ForceElement):
         at_free = self._pull(free, 0.0, t)
         return pull.energy - at_free.energy - (1.0 - factor) * self.unloaded * (s - free)
 
-    def power(self, x: Array, y: Array, t: float) -> tuple[float, float]:
-        """That of the free length and of what stores nothing; damping changes its sign with the rate."""
+    def effort(self, x: Array, y: Array, t: float) -> tuple[Effort, Effort]:
+        """The free length and what stores nothing do work; damping changes its sign with the rate."""
         s, gradient, _ = self.measure(x)
         rate = float(gradient @ y.ravel())
         pull = self._pull(s, rate, t)
         back = self._pull(s, 2.0 * pull.free_rate - rate, t)
-        damping = 0.5 * (back.lost - pull.lost) * (rate - pull.free_rate)
-        return -pull.lost * rate - pull.stored * pull.free_rate, damping
+        forces = [-pull.lost, -pull.stored]
+        work = np.array([forces, [s, pull.free], [rate, pull.free_rate]])
+        damping = 0.5 * (back.lost - pull.lost), s - pull.free, rate - pull.free_rate
+        return Effort(*work), Effort(*np.array(damping)[:, None])
 
     def accept(self, x: Array) -> None:
         self.measure.accept(x)
@@ -199,12 +208,11 @@ class LoadForce(ForceElement):
                 self.vectors = [layout.mean(name)]
             case Force(end=end) | Torque(end=end):
                 place = layout.scene.place(end)
-                where, direction = layout.position(place), layout.direction(place)
-                self.vectors = (
-                    [direction] if self.torque else [where, direction] if self.follower else [where]
-                )
-                start = direction(layout.reference)
-                self.start = start / np.hypot(*start)
+                self.vectors = [] if self.torque else [layout.position(place)]
+                if self.torque or self.follower:
+                    self.vectors.append(layout.direction(place))
+                    start = self.vectors[-1](layout.reference)
+                    self.start = start / np.hypot(*start)
             case _:
                 raise unknown_kind("load", load, LOADS)
 

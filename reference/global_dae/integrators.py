@@ -51,17 +51,17 @@ class Zhai(Marcher):
     def begin(self) -> State:
         state, c = super().begin(), self.system.constraints
         self.prescribe = Nearest(c.jacobian(state.q, state.p)[c.held])
-        self.before = state.a
+        self.earlier = state.a
         return state
 
     def step(self, state: State, t: float) -> State:
         h, psi, phi = self.run.exact_dt, self.run.psi, self.run.phi
-        a, b = state.a, self.before
+        a, b = state.a, self.earlier
         q = state.q + h * state.v + h * h * ((0.5 + psi) * a - psi * b)
         v = state.v + h * ((1.0 + phi) * a - phi * b)
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise Failure("accelerations are not finite", state.a)
-        self.before, p = a, self.system.constraints.parameters(t)
+        self.earlier, p = a, self.system.constraints.parameters(t)
         if self.system.constraints.count:
             q, v = self._projected(q, v, p)
         self.system.accept(q)
@@ -195,7 +195,7 @@ class Esdirk(Implicit):
     def begin(self) -> State:
         found, c = super().begin(), self.system.constraints
         self.prescribe = Nearest(c.jacobian(found.q, found.p)[c.held])
-        self.power = [self.power_of(found, 0.0)]
+        self.power = [self._power(found, 0.0)]
         return found
 
     def step(self, state: State, t: float) -> State:
@@ -213,14 +213,19 @@ class Esdirk(Implicit):
             guess = State(q + self.part**2 * w[-1], v + self.part * w[-1], w[-1], found.mu, p)
             found = self.newton(guess, when, self.slopes)
             w.append(found.a)
-            self.power.append(self.power_of(found, when))
+            self.power.append(self._power(found, when))
         found = self._projected(found, t)
         self.system.accept(found.q)
         return found
 
-    def add_work(self, state: State, t: float) -> None:
-        if len(self.power) > 1:
-            self.work = self.work + self.h * (self.stages.A[-1] @ np.array(self.power))
+    def add_work(self, s: State, t: float) -> None:
+        if len(self.power) > 1:  # by the quadrature of the method
+            self.work += self.h * (self.stages.A[-1] @ np.array(self.power))
+
+    def _power(self, s: State, t: float) -> Array:
+        """Power of all that does work beside energies, and of damping, W, (2,)."""
+        efforts, damping = self.system.efforts(s.q, s.v, t, s.p, s.mu), self.system.beams.damping(s.q, s.v)
+        return np.array([effort.forces @ effort.rates + damping @ s.v for effort in efforts])
 
     def _prescribed(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
         """q and v before the stage's own acceleration, from which prescribed coordinates reach their values."""

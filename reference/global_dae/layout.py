@@ -91,23 +91,16 @@ class Mesh:
 class Layout:
     """A scene as discretised, without its joints and forces.
 
-    Parameters
-    ----------
-    scene : Scene
-    run : Discretisation
-
-    Raises
-    ------
-    DiscretisationError
-        Where a kind of element is not known here.
-
-    Notes
-    -----
     `meshes` has the flexible beams by name, `rigid` the bodies that do not deform, thin bars in place of beams of
     element "rigid" among them, and `first` the number of the first coordinate of each of these. `reference` and
     `velocity` are all coordinates of the undeformed scene and their rates at t = 0, (size,), `unit` is the size that a
     correction of each is compared with: the scene's length, m, or 1 of gradients. The first `flexible` coordinates are
     those of beams.
+
+    Raises
+    ------
+    DiscretisationError
+        Where a kind of element is not known here.
     """
 
     def __init__(self, scene: Scene, run: Discretisation) -> None:

@@ -18,6 +18,7 @@ from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, in
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
+from reference.global_dae.forces import Effort
 from reference.global_dae.layout import Layout
 from reference.global_dae.saddle import Failure, Nearest, Saddle
 from reference.global_dae.system import System
@@ -45,7 +46,8 @@ class Marcher:
         self.system, self.run = system, system.run
         self.newton_iterations, self.factorizations = 0, 0
         self.length = max(1.0, system.layout.scene.length)
-        self.work, self.last_power = np.zeros(2), np.zeros(2)
+        self.work = np.zeros(2)
+        self.before: tuple[Effort, Effort, float] | None = None
 
     def begin(self) -> State:
         """The state at t = 0: velocities that fit joints and drives, and [M Jᵀ; J 0] [q̈; μ] = [f; γ]."""
@@ -87,16 +89,15 @@ class Marcher:
                 return so_far(failed_step(system.layout, failure, n, float(times[n]), self.advice))
         return so_far(Status())
 
-    def power_of(self, s: State, t: float) -> Array:
-        """Power of all that does work beside energies, and of damping, W, (2,)."""
-        return self.system.power(s.q, s.v, t, s.p, s.mu)
-
-    def add_work(self, state: State, t: float) -> None:
-        """Add the work of the step that leads here, by the trapezoidal rule."""
-        power = self.power_of(state, t)
-        if t > 0.0:
-            self.work = self.work + 0.5 * self.run.exact_dt * (power + self.last_power)
-        self.last_power = power
+    def add_work(self, s: State, t: float) -> None:
+        """Add the work of the step that leads here, and of its damping, by the trapezoidal rule."""
+        now = *self.system.efforts(s.q, s.v, t, s.p, s.mu), float(self.system.beams.damping(s.q, s.v) @ s.v)
+        if self.before is not None:
+            *before, power = self.before
+            lost = 0.5 * self.run.exact_dt * (power + now[2])
+            for k, (old, new) in enumerate(zip(before, now[:2], strict=True)):
+                self.work[k] += 0.5 * (old.forces + new.forces) @ (new.values - old.values) + lost
+        self.before = now
 
     def check_position(self, q: Array, p: Array, allowed: float) -> None:
         """Raise Failure where positions do not fit the constraints: some contradict each other."""

@@ -57,14 +57,7 @@ def _gram(J: sparse.csr_array) -> Any:
 
 
 class Rival:
-    """One scene, prepared.
-
-    Parameters
-    ----------
-    system : System
-    dense : bool
-        Whether matrices are dense, and factored at each step.
-    """
+    """One scene, prepared; `dense`: whether matrices are dense, and factored at each step."""
 
     def __init__(self, system: System, dense: bool) -> None:
         self.system, self.run = system, system.run
@@ -100,7 +93,7 @@ class Rival:
         self.turned = [j for j, row in enumerate(rows) if row.drive is not None]
         self.driven = Constraints([rows[j] for j in self.turned], self.n)
         self.base = -system.constraints.value(system.still, start.p)
-        self.work, self.power = np.zeros(2), np.zeros((0, 2))
+        self.work, self.last = np.zeros(2), list[Array]()
 
     def _factors(self, matrix: steps.Saddle) -> Any:
         """Factors in the reference: one matrix serves x and y where explicit steps do not mix them."""
@@ -165,7 +158,7 @@ class Rival:
         b, rate, acceleration = (
             np.tile(x, (len(t), 1)) for x in (self.base, 0.0 * self.base, 0.0 * self.base)
         )
-        p = self.driven.parameters(t)
+        self.p = p = self.driven.parameters(t)
         b[:, self.turned] = -self.driven.value(zero, p)
         rate[:, self.turned] = -self.driven.rate(zero, p)
         acceleration[:, self.turned] = self.driven.right(zero, zero, p)
@@ -175,12 +168,15 @@ class Rival:
         """Keep the outputs of a batch, with the work until then by the trapezoidal rule."""
         q, v, a, mu, damping = history
         number, angles = first + np.arange(len(q)), record.turns.count(q)
-        power = np.stack([self._power(q, v, mu, tables) + damping, damping], axis=1)
-        before = self.power if len(self.power) else -power[:1]
-        work = self.work + 0.5 * self.run.exact_dt * np.cumsum(
-            power + np.concatenate([before, power[:-1]]), axis=0
+        now = [*self._efforts(q, mu, tables.loads), damping[:, None]]
+        forces, values, power = (
+            np.concatenate(pair) for pair in zip(self.last or [x[:1] for x in now], now, strict=True)
         )
-        self.work, self.power = work[-1], power[-1:]
+        self.last = [x[-1:] for x in now]
+        lost = 0.5 * self.run.exact_dt * (power[1:] + power[:-1]) * (number > 0)[:, None]
+        work = (0.5 * (forces[1:] + forces[:-1]) * np.diff(values, axis=0)).sum(axis=1, keepdims=True) + lost
+        work = self.work + np.cumsum(np.concatenate([work, lost], axis=1), axis=0)
+        self.work = work[-1]
         kept = np.isin(number, self.run.output_steps)
         q, v, a, work = q[kept], v[kept], a[kept], work[kept]
         energies = np.zeros((len(q), 5))
@@ -191,17 +187,18 @@ class Rival:
         energies[:, 3], energies[:, 4] = work[:, 0], 0.0 - work[:, 1]
         record.keep(self.run.times(number[kept]), (q, v, a), energies, angles[kept])
 
-    def _power(self, q: Array, v: Array, mu: Array, tables: Tables) -> Array:
-        """Power of loads and drives at several states, (n,), W."""
-        power = -np.einsum("nj,nj->n", mu, tables.rate[: len(q)])
+    def _efforts(self, q: Array, mu: Array, loads: Array) -> tuple[Array, Array]:
+        """Forces of drives and loads at several states, and the values that they work along, (n, …)."""
+        p = self.p[: len(q)]
+        pulls = mu[:, self.turned] * self.driven.by_parameter(self.system.still, p)
+        forces, values = [pulls], [p[..., 0]]
         for k, load in enumerate(self.system.loads):
-            at, A = load.vectors[0].at, load.vectors[0].A
-            x, y, F = q[:, at] @ A.T, v[:, at] @ A.T, tables.loads[: len(q), k]
+            x, F = q[:, load.vectors[0].at] @ load.vectors[0].A.T, loads[: len(q), k]
             if load.torque:
-                power += F[:, 0] * (x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]) / (x * x).sum(axis=1)
-            else:
-                power += (F * y).sum(axis=1)
-        return np.asarray(power)
+                F = F[:, :1] * np.stack([-x[:, 1], x[:, 0]], axis=1) / (x * x).sum(axis=1, keepdims=True)
+            forces.append(F)
+            values.append(x)
+        return np.concatenate(forces, axis=1), np.concatenate(values, axis=1)
 
     def _time(self, step: int) -> float:
         return float(self.run.times(np.array([step]))[0])

@@ -53,13 +53,7 @@ def _largest(system: System, A: Matrix) -> float:
 
 
 def check_step(system: System) -> None:
-    """Refuse a step above the stability limit.
-
-    Raises
-    ------
-    StabilityError
-        Naming the step and the largest one allowed.
-    """
+    """Refuse a step above the stability limit, by StabilityError."""
     run = system.run
     frequency, largest = largest_step(system)
     if run.dt > largest * (1.0 + 1e-9):

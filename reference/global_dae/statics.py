@@ -37,11 +37,6 @@ class Equilibrium:
     q: Array
     mu: Array
 
-    def towards(self, before: "Equilibrium", factor: float) -> "Equilibrium":
-        """On the secant through an earlier one."""
-        s = (factor - self.factor) / (self.factor - before.factor) if self.factor > before.factor else 0.0
-        return Equilibrium(factor, self.q + s * (self.q - before.q), self.mu + s * (self.mu - before.mu))
-
 
 class Search:
     """Equilibria of one system."""
@@ -56,7 +51,10 @@ class Search:
         now, before, step = start, start, target - start.factor
         while now.factor < target:
             near = target - now.factor <= step * (1.0 + 1e-9)
-            found = self.newton(now.towards(before, target if near else now.factor + step))
+            goal = target if near else now.factor + step
+            s = (goal - now.factor) / (now.factor - before.factor) if now.factor > before.factor else 0.0
+            guess = Equilibrium(goal, now.q + s * (now.q - before.q), now.mu + s * (now.mu - before.mu))
+            found = self.newton(guess)  # on the secant
             if found is not None:
                 before, now, step = now, found, 2.0 * step
             elif step < SMALLEST:

@@ -228,10 +228,7 @@ def advance(s: Scheme, rows: Rows, m: Motion, b: Array, rate: Array) -> None:
 def explicit_steps(equations: Equations, first: int, tables: Tables, history: History) -> int:
     """Steps from the number `first` on, one a row of the tables; step 0 only finds the accelerations of the start.
 
-    Returns
-    -------
-    int
-        How many were done: fewer if accelerations are not finite.
+    Returns how many were done: fewer if accelerations are not finite.
     """
     s, m = equations.scheme, equations.motion
     n = len(m.q)
@@ -364,10 +361,7 @@ def accept(s: Scheme, m: Motion) -> None:
 def implicit_steps(equations: Equations, first: int, tables: Tables, history: History) -> int:
     """Steps from the number `first` on, one a row of the tables; step 0 only stores the start.
 
-    Returns
-    -------
-    int
-        How many were done: fewer if Newton's iteration does not converge.
+    Returns how many were done: fewer if Newton's iteration does not converge.
     """
     s, m = equations.scheme, equations.motion
     for k in range(len(tables.b)):

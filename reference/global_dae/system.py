@@ -1,4 +1,4 @@
-"""The equations M q̈ + Jᵀμ = f(q, q̇, t), Φ(q, t) = 0 of a scene as discretised, with its energies and power."""
+"""The equations M q̈ + Jᵀμ = f(q, q̇, t), Φ(q, t) = 0 of a scene as discretised, with its energies and what does work."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -10,7 +10,7 @@ from scipy import sparse
 
 from reference.global_dae.constraints import Constraints
 from reference.global_dae.elements import Beams, Matrix
-from reference.global_dae.forces import ConnectorForce, ForceElement, LoadForce, Parts
+from reference.global_dae.forces import ConnectorForce, Effort, ForceElement, LoadForce, Parts
 from reference.global_dae.joints import constraints_of
 from reference.global_dae.layout import Layout
 from reference.global_dae.vectors import Stack
@@ -92,13 +92,14 @@ class System:
         potential = -float(self.dead @ (q - self.layout.reference))
         return np.array([0.5 * v @ (self.mass @ v), strain, potential, work[0], 0.0 - work[1]])
 
-    def power(self, q: Array, v: Array, t: float, p: Array, mu: Array) -> Array:
-        """Power of all that does work beside energies, and of damping, W, (2,)."""
-        damping = float(self.beams.damping(q, v) @ v)
-        found = np.array([mu @ self.constraints.rate(q, p) + damping, damping])
-        for element, x, y in self.states(q, v):
-            found += element.power(x, y, t)
-        return found
+    def efforts(self, q: Array, v: Array, t: float, p: Array, mu: Array) -> tuple[Effort, Effort]:
+        """What does work beside energies, without the damping of materials, and the part of damping in it."""
+        pairs = [element.effort(x, y, t) for element, x, y in self.states(q, v)]
+        c = self.constraints
+        drives = Effort(mu * c.by_parameter(q, p), p[:, 0], p[:, 1])
+        all_of = [drives, *(work for work, _ in pairs)], [Effort(*np.zeros((3, 0))), *(d for _, d in pairs)]
+        work, damping = (Effort(*map(np.concatenate, zip(*efforts, strict=True))) for efforts in all_of)
+        return work, damping
 
     def accept(self, q: Array) -> None:
         """Accept a state: whole turns are counted from here."""

@@ -16,15 +16,7 @@ QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 @dataclass(frozen=True, eq=False)
 class Vector:
-    """A q[at] + constant.
-
-    Parameters
-    ----------
-    at : ndarray of int, shape (k,)
-        Ascending.
-    A : ndarray, shape (2, k)
-    constant : ndarray, shape (2,)
-    """
+    """A q[at] + constant, with `at` (k,) ascending, A (2, k) and `constant` (2,)."""
 
     at: Ints
     A: Array
@@ -56,14 +48,7 @@ class Vector:
 
 
 class Stack:
-    """Several vectors x = V q + c, evaluated together.
-
-    Parameters
-    ----------
-    vectors : sequence of Vector
-    size : int
-        Number of coordinates.
-    """
+    """Several vectors x = V q + c of `size` coordinates, evaluated together."""
 
     def __init__(self, vectors: Sequence[Vector], size: int) -> None:
         V = sparse.lil_array((2 * len(vectors), size))

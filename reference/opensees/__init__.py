@@ -11,7 +11,7 @@ Steps begin with accelerations of zero unless these are given, which makes all s
 consistent mass keep it in their first direction, an error of second order in the elements' length.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any, ClassVar
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.elements.kinds import optional_beside
-from anctmm.errors import UnsupportedError, shown
+from anctmm.errors import UnsupportedError
 from anctmm.model.drives import tabulate
 from anctmm.model.needs import MECHANISMS
-from anctmm.model.scene import Beam, Clamp, Scene
+from anctmm.model.scene import Beam, Scene
 from anctmm.results.fields import InterpolatedField
 from anctmm.results.solution import Cost, Solution
 from anctmm.results.status import Status
@@ -36,8 +36,6 @@ from reference.opensees.process import PACKAGES, Analysis, analyse
 
 Array = NDArray[np.float64]
 
-#: Solvers of linear equations: those that were found to work; SparseSYM was seen to give wrong corrections.
-SYSTEMS = ("ProfileSPD", "BandGeneral", "BandSPD", "UmfPack", "SuperLU")
 ALGORITHMS = ("Newton", "ModifiedNewton", "KrylovNewton", "BFGS", "NewtonLineSearch")
 #: What was the cheapest somewhere, over mesh, step and tolerance, on the falling cantilever: the nonlinear beam, BFGS
 #: and KrylovNewton never were.
@@ -68,27 +66,19 @@ def solve(
     *,
     beam: str = "elastic",
     algorithm: str = "Newton",
-    system: str = "ProfileSPD",
     **options: Any,
 ) -> Solution:
-    """Motion of a scene by OpenSees.
+    """Motion of a scene by OpenSees, "unsupported" where it cannot do the scene, "failed" where it gives up.
 
     Parameters
     ----------
-    scene : Scene
-    run : Discretisation, optional
-        Or its fields as keywords. "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm
+    scene, run
+        "generalized-alpha" is OpenSees' HHTGeneralized. `newton_tolerance` bounds the norm
         of a correction, of displacements and rotations. `element` and `quadrature` are not used.
-    beam, algorithm, system : str
-        Of `BEAMS`, `ALGORITHMS` and `SYSTEMS`.
-
-    Returns
-    -------
-    Solution
-        With status "unsupported" where OpenSees is missing or cannot do the scene, "failed" where it gives up, or its
-        process ends.
+    beam, algorithm : str
+        Of `BEAMS` and `ALGORITHMS`.
     """
-    return Frames(scene, discretise(run, options), beam=beam, algorithm=algorithm, system=system).solution()
+    return Frames(scene, discretise(run, options), beam=beam, algorithm=algorithm).solution()
 
 
 def solve_static(
@@ -98,16 +88,14 @@ def solve_static(
     load_steps: int = 10,
     beam: str = "nonlinear",
     algorithm: str = "Newton",
-    system: str = "BandGeneral",
     **options: Any,
 ) -> Solution:
     """Equilibrium of a scene by OpenSees, loads and drives as they are at t = 0; `t` are load factors.
 
-    Steps of the load that fail are halved. The nonlinear beam has the smaller error by two powers of ten on a mesh of
-    eight elements.
+    Steps that fail are halved. The nonlinear beam has the smaller error, by two powers of ten with eight elements.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm, system=system).solution()
+    return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm).solution()
 
 
 @dataclass
@@ -116,7 +104,6 @@ class Frames(Adapter):
 
     beam: str = "elastic"
     algorithm: str = "Newton"
-    system: str = "ProfileSPD"
 
     name: ClassVar[str] = "opensees"
     title: ClassVar[str] = "a model in OpenSees"
@@ -128,27 +115,29 @@ class Frames(Adapter):
         self.began = process_time()
         one_of("beam", self.beam, BEAMS)
         one_of("algorithm", self.algorithm, ALGORITHMS)
-        one_of("system", self.system, SYSTEMS)
 
     def check(self) -> None:
-        """Refuse damping, and clamps that turn too far."""
+        """Refuse damping."""
         undamped(self.scene, "OpenSees damps whole models by stiffness matrices that turn nothing")
-        for clamp, angles in () if self.static else self._driven():
-            far = np.flatnonzero(np.abs(angles) > np.pi + ROUNDING)
-            if far.size:
-                time = float(self.run.times(far[:1])[0])
-                raise UnsupportedError(
-                    f"{shown(clamp)} has turned by more than half a turn at t = {time:.6g} s; {HALF_TURN}"
-                )
 
     def build(self) -> Frame:
-        """Nodes and elements."""
-        return Frame(self.scene, self.run, self.beam, self.static)
+        """Nodes and elements; clamps that turn too far are refused."""
+        frame, t = (
+            Frame(self.scene, self.run, self.beam, self.static),
+            self.run.times(np.arange(self.run.steps + 1)),
+        )
+        for _, name, drive in frame.driven:
+            far = np.flatnonzero(np.abs(tabulate(name, drive, t, 3)[:, 0]) > np.pi + ROUNDING)
+            if far.size:
+                raise UnsupportedError(
+                    f"{name} is more than half a turn at t = {t[far[0]]:.6g} s; {HALF_TURN}"
+                )
+        return frame
 
     def march(self, model: Frame) -> Answer:
         """Analyse in a process of its own."""
         steps = self.load_steps if self.static else self.run.steps
-        analysis = analyse(model.job(self.system, self.algorithm, steps))
+        analysis = analyse(model.job(self.algorithm, steps))
         t = analysis.t
         if not self.static:
             t = self.run.times(self.run.output_steps)[: len(t)]
@@ -170,13 +159,6 @@ class Frames(Adapter):
         spent = process_time() - self.began + analysis.whole - analysis.cpu
         cost = Cost(analysis.cpu, analysis.wall, analysis.steps, build_s=spent, compile_s=0.0)
         return Answer(t[:kept], fields, cost, status, model.dofs)
-
-    def _driven(self) -> Iterator[tuple[Clamp, Array]]:
-        """Driven clamps with their angles at the steps, rad."""
-        for joint in self.scene.joints:
-            if isinstance(joint, Clamp) and joint.angle is not None:
-                t = self.run.times(np.arange(self.run.steps + 1))
-                yield joint, tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 0]
 
     def _too_far(self, frame: Frame, turns: Array, time: float) -> Status:
         """Of a run in which a chord has turned too far."""

@@ -33,18 +33,10 @@ BEAMS = {
 
 @dataclass
 class Frame:
-    """Nodes and elements over a scene.
+    """Nodes and elements over a scene, of a kind of `BEAMS`.
 
-    Parameters
-    ----------
-    scene : Scene
-    run : Discretisation
-    beam : str
-        One of `BEAMS`.
-    static : bool
-        Whether loads are held as at t = 0 and drives at their start.
-
-    `nodes` are numbered from 1, `of_body` has those of each body from its start to its end.
+    `static`: whether loads are held as at t = 0 and drives at their start. `nodes` are numbered from 1, `of_body` has
+    those of each body from its start to its end.
     """
 
     scene: Scene
@@ -114,7 +106,7 @@ class Frame:
             found[tag - 1, 2] = value_at(name, drive, 0.0, 3)[1]
         return found
 
-    def job(self, system: str, algorithm: str, steps: int) -> dict[str, Any]:
+    def job(self, algorithm: str, steps: int) -> dict[str, Any]:
         """What `reference.opensees.worker` is to do, as data for JSON."""
         extent = float(np.hypot(*np.ptp(np.array(self.nodes), axis=0)))
         constant, histories = self._loads()
@@ -127,7 +119,7 @@ class Frame:
             "hinges": self.hinges,
             "beams": [self._beam(body) for body in self.scene.beams],
             "loads": [(tag, load.tolist()) for tag, load in enumerate(constant, 1) if load.any()],
-            "system": system,
+            "system": "BandGeneral" if self.static else "ProfileSPD",
             "algorithm": algorithm,
             "bound": max(self.run.newton_tolerance, ROUNDING) * min(1.0, extent),
             "steps": steps,

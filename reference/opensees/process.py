@@ -27,17 +27,9 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 class Analysis:
     """What an analysis has left.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times (s) or load factors.
-    displacements, velocities : ndarray, shape (n, nodes, 3)
-        Along x and y (m), and rotations (rad), and their rates; the latter None in statics.
-    steps : int
-    cpu, wall, whole : float
-        Processor and wall time of the steps, and processor time of the whole process, s.
-    trouble : str
-        Why it ended before its end; empty if it did not.
+    Times (s) or load factors, (n,); displacements along x and y (m) and rotations (rad), (n, nodes, 3), and their
+    rates, None in statics; steps done; processor and wall time of the steps, and processor time of the whole process,
+    s; why it ended before its end, empty if it did not.
     """
 
     t: Array

@@ -22,7 +22,7 @@ from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Clamp, Scene, Weld
 from anctmm.results.accounting import accounted
 from anctmm.results.fields import LagrangeField
-from anctmm.results.solution import Cost, Solution
+from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
@@ -50,6 +50,8 @@ LOWEST = {
 SAFETY = 0.8
 #: Periods of the lowest frequency after which relaxation is given up. Each should gain a factor of 500.
 PERIODS = 40
+#: Motion left at the end of relaxation, of the body's length: much less than the elements' own error.
+REST = 1e-8
 #: Stretch of an element beyond which a run has diverged.
 STRETCH_LIMIT = 1e3
 
@@ -62,22 +64,17 @@ def solve(
     shear_factor: float = 1.0,
     **options: Any,
 ) -> Solution:
-    """Motion of a scene by PyElastica.
+    """Motion of a scene by PyElastica, with status "unsupported" where it cannot do the scene.
 
     Parameters
     ----------
     scene : Scene
         Beams without joints between them, each clamped, pinned or free at its ends; constant loads.
-    run : Discretisation, optional
+    run : Discretisation
         "zhai" with ψ = φ = ½, which for rods without rotation has the positions of PyElastica's PositionVerlet;
         two elements or more a body. `element` and `quadrature` are not used. Or its fields as keywords.
     shear_factor : float
         k of the shear stiffness kGA.
-
-    Returns
-    -------
-    Solution
-        With status "unsupported" where PyElastica is missing or cannot do the scene.
 
     Raises
     ------
@@ -93,17 +90,15 @@ def solve_static(
     run: Discretisation | None = None,
     *,
     load_steps: int = 1,
-    rest: float = 1e-8,
     shear_factor: float = 1.0,
     **options: Any,
 ) -> Solution:
     """Equilibrium of a scene by relaxation with PyElastica, every body held; `t` are load factors.
 
-    Each of the `load_steps` equal parts of the load is relaxed, until the motion left is `rest`, of the body's length:
-    much less than the elements' own error.
+    Each of the `load_steps` equal parts of the load is relaxed.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    rods = Rods(scene, run, True, load_steps, shear_factor=shear_factor, rest=rest)
+    rods = Rods(scene, run, True, load_steps, shear_factor=shear_factor)
     return rods.solution()
 
 
@@ -112,9 +107,9 @@ class Rods(Adapter):
     """A scene in PyElastica; parameters as of `solve` and `solve_static`."""
 
     shear_factor: float = 1.0
-    rest: float = 1e-8
     positions: dict[str, list[Array]] = field(default_factory=dict)
     velocities: dict[str, list[Array]] = field(default_factory=dict)
+    energies: list[tuple[float, ...]] = field(default_factory=list)
 
     name: ClassVar[str] = "pyelastica"
     title: ClassVar[str] = "a model in PyElastica"
@@ -124,7 +119,6 @@ class Rods(Adapter):
 
     def __post_init__(self) -> None:
         positive("shear_factor", self.shear_factor, DiscretisationError)
-        positive("rest", self.rest, DiscretisationError)
 
     def check(self) -> None:
         """Refuse joints between bodies, what varies, damping and single elements."""
@@ -201,7 +195,10 @@ class Rods(Adapter):
             for name, kept in self.positions.items()
         }
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
-        return Answer(t, fields, cost, status, dofs)
+        T, U, V = np.array(self.energies[:n]).reshape(n, 3).T
+        moments = any(moment for rod in self.rods.values() for moment, _ in rod.moments.values())
+        energy = None if self.static or moments else Energy(T, U, V - V[:1], np.zeros(n))
+        return Answer(t, fields, cost, status, dofs, energy)
 
     def _motion(self) -> tuple[Array, int, Status]:
         """Times, steps and status of steps to the end, or until the motion has diverged."""
@@ -211,10 +208,10 @@ class Rods(Adapter):
                 self.stepper.step(self.simulator, step * dt, dt)
                 step += 1
             self._keep()
-            if not np.max([*self._stretches().values()]) <= STRETCH_LIMIT:
+            if not self._stretch() <= STRETCH_LIMIT:
                 time = float(run.times(np.array([step]))[0])
                 why = f"the motion diverged before t = {time:.6g} s (step {step}); a dt below {run.dt:g} s may help"
-                status = Status("diverged", why, time, step, self._worst())
+                status = Status("diverged", why, time, step)
                 break
             kept += 1
         return run.times(run.output_steps[:kept]), step, status
@@ -229,12 +226,12 @@ class Rods(Adapter):
                 rod.factor = factor
             taken, left = self._relax()
             steps += taken
-            if not left <= self.rest:
+            if not left <= REST:
                 why = (
                     f"relaxation left a motion of {left:.2g} of the length at {factor:.6g} of the load; more "
-                    f"load_steps may help, or a `rest` above {self.rest:g}"
+                    f"load_steps may help"
                 )
-                status = Status("diverged", why, factor, body=self._worst())
+                status = Status("diverged", why, factor)
                 break
             self._keep()
             count += 1
@@ -256,7 +253,7 @@ class Rods(Adapter):
                 / rod.body.length
                 for name, rod in self.rods.items()
             )
-            if not self.rest < left < STRETCH_LIMIT:
+            if not REST < left < STRETCH_LIMIT:
                 break
         return steps, left
 
@@ -275,15 +272,14 @@ class Rods(Adapter):
         for name, rod in self.rods.items():
             self.positions[name].append(rod.rod.position_collection[:2].T.copy())
             self.velocities[name].append(rod.rod.velocity_collection[:2].T.copy())
-
-    def _stretches(self) -> dict[str, float]:
         with np.errstate(all="ignore"):
-            return {
-                name: float(np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.stiffness.l)
-                for name, rod in self.rods.items()
-            }
+            self.energies.append(tuple(np.sum([rod.energies() for rod in self.rods.values()], axis=0)))
 
-    def _worst(self) -> str:
-        """Body that is stretched most, or not finite."""
-        sizes = {n: s if np.isfinite(s) else np.inf for n, s in self._stretches().items()}
-        return max(sizes, key=sizes.__getitem__)
+    def _stretch(self) -> float:
+        """Largest length of an element, of its undeformed one; NaN where a place is not finite."""
+        with np.errstate(all="ignore"):
+            lengths = [
+                np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.stiffness.l
+                for name, rod in self.rods.items()
+            ]
+        return float(np.max(lengths))

@@ -5,10 +5,9 @@ elements between them, curvatures at the inner nodes. Its rods are round and mov
 inertia are overwritten with the beam's own, and nothing drives a rod out of the plane.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import hypot, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import elastica as ea
 import numpy as np
@@ -23,32 +22,13 @@ class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping)
     """PyElastica's collection of rods with what acts on them."""
 
 
-@dataclass(frozen=True)
-class Stiffness:
+class Stiffness(NamedTuple):
     """Of a rod cut into equal elements: EA, kGA (N), EI (N m²), and the elements' length (m)."""
 
     EA: float
     GA: float
     EI: float
     l: float  # noqa: E741
-
-    @classmethod
-    def of(cls, body: Beam, elements: int, shear_factor: float) -> "Stiffness":
-        """A beam's."""
-        (_, G), A = body.material.lame, body.section.area
-        E, I = body.material.E, body.section.second_moment  # noqa: E741
-        return cls(E * A, shear_factor * G * A, E * I, body.length / elements)
-
-    def largest_frequency(self, mass: float, inertia: float) -> float:
-        """Of the straight grid, rad/s, by inner nodes' mass (kg) and elements' inertia (kg m²).
-
-        The shortest wave, of two elements, has the axial frequency √(4EA/(l m)); across, w at the nodes and θ at the
-        elements are coupled by the shear strain (w₊ − w₋)/l − θ.
-        """
-        a, c = 4.0 * self.GA / (self.l * mass), 2.0 * self.GA / sqrt(mass * inertia)
-        d = (self.GA * self.l + 4.0 * self.EI / self.l) / inertia
-        across = 0.5 * (a + d + hypot(a - d, 2.0 * c))
-        return sqrt(max(across, 4.0 * self.EA / (self.l * mass)))
 
 
 class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
@@ -77,14 +57,7 @@ class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
 class Rod:
     """One body as a Cosserat rod, with PyElastica's own (`rod`) inside.
 
-    Parameters
-    ----------
-    scene : Scene
-    body : Beam
-    elements : int
-    shear_factor : float
-    relaxed : bool
-        Whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
+    `relaxed`: whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
     """
 
     scene: Scene
@@ -100,21 +73,35 @@ class Rod:
     held: dict[int, str] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.stiffness = Stiffness.of(self.body, self.elements, self.shear_factor)
+        body = self.body
+        E, A, G = body.material.E, body.section.area, body.material.lame[1]
+        self.stiffness = Stiffness(
+            E * A, self.shear_factor * G * A, E * body.section.second_moment, body.length / self.elements
+        )
         self.held = {}
         for joint in self.scene.joints:
             body, side = self.scene.body_end(joint.ends[0])
             if body is self.body:
                 self.held[-1 if side else 0] = "clamp" if isinstance(joint, Clamp) else "pin"
         self.mass, self.inertia = self._inertias()
-        self.forces = self._weight() + self._end_forces()
+        self.forces = self._weight()
+        for end, force in self._on_ends(Force, np.zeros(2)).items():
+            self.forces[:, end] += force
         self.moments = self._end_moments()
         self.rod = self._straight()
 
     @property
     def largest_frequency(self) -> float:
-        """Of the straight grid, rad/s."""
-        return self.stiffness.largest_frequency(self.mass, self.inertia)
+        """Of the straight grid, rad/s.
+
+        The shortest wave, of two elements, has the axial frequency √(4EA/(l m)); across, w at the nodes and θ at the
+        elements are coupled by the shear strain (w₊ − w₋)/l − θ.
+        """
+        s, mass, inertia = self.stiffness, self.mass, self.inertia
+        a, c = 4.0 * s.GA / (s.l * mass), 2.0 * s.GA / sqrt(mass * inertia)
+        d = (s.GA * s.l + 4.0 * s.EI / s.l) / inertia
+        across = 0.5 * (a + d + hypot(a - d, 2.0 * c))
+        return sqrt(max(across, 4.0 * s.EA / (s.l * mass)))
 
     @property
     def axis(self) -> Array:
@@ -135,6 +122,14 @@ class Rod:
             simulator.constrain(self.rod).using(ea.FixedConstraint, constrained_position_idx=(node,))
         simulator.add_forcing_to(self.rod).using(EndsAndWeight, self)
 
+    def energies(self) -> tuple[float, float, float]:
+        """Kinetic and strain energy by PyElastica's own rules, with that of the clamps' springs, and potential, J."""
+        rod = self.rod
+        kinetic = rod.compute_translational_energy() + rod.compute_rotational_energy()
+        springs = sum(0.5 * k * self.angle(end) ** 2 for end, (_, k) in self.moments.items() if k)
+        strain = rod.compute_bending_energy() + rod.compute_shear_energy() + springs
+        return float(kinetic), float(strain), -float(np.sum(self.forces * rod.position_collection[:2]))
+
     def _inertias(self) -> tuple[float, float]:
         """Mass of an inner node (kg) and inertia of an element (kg m²)."""
         s, density, section = self.stiffness, self.body.material.density, self.body.section
@@ -148,29 +143,24 @@ class Rod:
         nodal *= self.body.material.density * self.body.section.area
         return np.outer(np.asarray(self.scene.gravity), nodal)
 
-    def _on_ends(self, kind: type) -> Iterator[tuple[int, Any]]:
-        """Values of the loads of a kind on the body, by the place of the end: 0 or −1."""
+    def _on_ends(self, kind: type, zero: Any) -> dict[int, Any]:
+        """Sums of the loads of a kind on both ends of the body: 0 and −1."""
+        found = {0: zero, -1: zero}
         for load in self.scene.loads:
             if isinstance(load, kind):
                 body, side = self.scene.body_end(load.end)  # type: ignore[union-attr]
                 if body is self.body:
-                    yield -1 if side else 0, load.value
-
-    def _end_forces(self) -> Array:
-        forces = np.zeros((2, self.elements + 1))
-        for end, value in self._on_ends(Force):
-            forces[:, end] += value
-        return forces
+                    found[-1 if side else 0] = found[-1 if side else 0] + np.asarray(load.value)
+        return found
 
     def _end_moments(self) -> dict[int, tuple[float, float]]:
         """Moment (N m) and spring (N m/rad) of each end that has one."""
-        moments, springs = {0: 0.0, -1: 0.0}, {}
-        for end, value in self._on_ends(Torque):
-            moments[end] += float(value)
-        for end in moments:
-            clamped = self.held.get(end) == "clamp"
-            springs[end] = 2.0 * self.stiffness.EI / self.stiffness.l if clamped else 0.0
-        return {end: (m, springs[end]) for end, m in moments.items() if m or springs[end]}
+        spring = 2.0 * self.stiffness.EI / self.stiffness.l
+        pairs = {
+            end: (float(moment), spring if self.held.get(end) == "clamp" else 0.0)
+            for end, moment in self._on_ends(Torque, 0.0).items()
+        }
+        return {end: pair for end, pair in pairs.items() if any(pair)}
 
     def _straight(self) -> Any:
         """PyElastica's rod, with the beam's stiffness and inertia about every axis of its section."""

@@ -1,14 +1,11 @@
 """Do the solvers agree? Every pair of them on both base scenes, at the same element, mesh and step."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import flexible
@@ -23,7 +20,6 @@ from anctmm.validation import one_of
 from studies.cases import assumptions_of
 from studies.engine.study import Result
 from studies.engine.tables import Table
-from studies.report.plots import picture
 from studies.scenes import moving_scenes
 
 #: Elements of each beam by the element, of the cantilever and of the four-bar: shear elements converge slowly.
@@ -37,11 +33,6 @@ NOTES = (
     "The same element, mesh and step in both. Solvers with elements of their own run on the mesh of shear elements: "
     "their figure is the difference of two models, or of two discretisations.",
     f"A solver without implicit steps takes explicit ones of {EXPLICIT_STEP:g} s, and is left out of a quick run.",
-)
-
-CAPTION = (
-    "Largest relative difference of the histories of each pair of solvers over the base scenes that both can run, at "
-    "the same element, mesh and step. Dark: equal; bright: different. Rods of Reissner's kind are another model."
 )
 
 
@@ -64,9 +55,12 @@ def agreement(quick: bool = False, solvers: Sequence[str] | None = None, **asked
         found = {name: dict(_runs(base, name, quick, asked)) for name in solvers or registry.names()}
         for (a, mine), (b, theirs) in combinations(found.items(), 2):
             shared = [(element, element) for element in mine if element in theirs]
-            for i, j in shared or [(i, j) for i in mine for j in theirs]:
+            for i, j in shared or product(mine, theirs):
+                head = {"scene": base.name, "solver": a, "other": b, "element": i if i == j else f"{i} / {j}"}
                 rows.append(
-                    {"scene": base.name, "solver": a, "other": b} | _pair(base, i, mine[i], j, theirs[j])
+                    head
+                    | _difference(base, mine[i], theirs[j])
+                    | {"same_element": i == j and i in flexible()}
                 )
     return pd.DataFrame(rows)
 
@@ -76,20 +70,19 @@ def _runs(
 ) -> Iterator[tuple[str, Solution | str]]:
     """The element that a solver really uses, with its solution, or why there is none."""
     try:
-        solve = registry.solver(name)
-        offer = registry.offer_of(registry.load(name))
+        solve, offer = registry.solver(name), registry.offer_of(registry.load(name))
     except AnctmmError as error:
         yield "?", str(error)
         return
-    features = {feature for feature, _ in needs(base.scene)}
-    implicit = "generalized-alpha" in offer.integrators
-    integrator = asked.get("integrator") or ("generalized-alpha" if implicit else "zhai")
-    step = asked.get("dt") or (EXPLICIT_STEP if integrator == "zhai" else STEP[quick])
-    for element in _elements(offer, asked.get("element"), quick) if integrator != "zhai" or not quick else ():
-        if offer.lacking({*features, element, integrator}):
+    integrator = asked.get("integrator") or offer.integrators[0]
+    explicit = integrator == "zhai"
+    features = {integrator, *(feature for feature, _ in needs(base.scene))}
+    for element in () if explicit and quick else _elements(offer, asked.get("element"), quick):
+        if offer.lacking({*features, element}):
             continue
         run = Discretisation(
-            mesh=asked.get("mesh") or _mesh(base, element, quick), element=element, integrator=integrator, dt=step,
+            asked.get("mesh") or _mesh(base, element, quick), element, integrator=integrator,
+            dt=asked.get("dt") or (EXPLICIT_STEP if explicit else STEP[quick]),
             t_end=base.duration, output_dt=base.interval,
         )  # fmt: skip
         try:
@@ -120,15 +113,13 @@ def _mesh(base: Case, element: str, quick: bool) -> Any:
     return one if len(names) == 1 else dict(zip(names, three, strict=True))
 
 
-def _pair(base: Case, i: str, one: Solution | str, j: str, other: Solution | str) -> dict[str, Any]:
-    """Difference of two solutions, by the elements that they use."""
-    whole = isinstance(one, Solution) and isinstance(other, Solution)
-    found = compare(other, one, base.probes) if whole else None  # type: ignore[arg-type]
-    return {
-        "element": i if i == j else f"{i} / {j}", "difference": found.largest if found else np.nan,
-        "rms": found.error if found else np.nan, "same_element": i == j and i in flexible(),
-        "status": "; ".join(x for x in (one, other) if isinstance(x, str)) or "ok",
-    }  # fmt: skip
+def _difference(base: Case, one: Solution | str, other: Solution | str) -> dict[str, Any]:
+    """Of two solutions, or why it is not known."""
+    if isinstance(one, str) or isinstance(other, str):
+        words = "; ".join(x for x in (one, other) if isinstance(x, str))
+        return {"difference": np.nan, "rms": np.nan, "status": words}
+    found = compare(other, one, base.probes)
+    return {"difference": found.largest, "rms": found.error, "status": "ok"}
 
 
 def matrix(pairs: pd.DataFrame, solvers: Sequence[str]) -> pd.DataFrame:
@@ -158,24 +149,6 @@ def findings(pairs: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def draw(figure: Figure, square: pd.DataFrame) -> None:
-    """The matrix as coloured cells with their numbers."""
-    values = square.to_numpy(float)
-    axes = figure.subplots()
-    axes.grid(False)
-    colours = mpl.colormaps["viridis"].with_extremes(bad="#f0f0f2")
-    norm = LogNorm(1e-12, 1.0)
-    axes.imshow(np.clip(values, 1e-12, 1.0), norm=norm, cmap=colours)
-    for i, j in np.ndindex(values.shape):
-        missing = np.isnan(values[i, j])
-        words = ("" if i == j else "–") if missing else f"{values[i, j]:.0e}".replace("e-", "e−")
-        dark = not missing and norm(values[i, j]) < 0.6
-        axes.text(j, i, words, ha="center", va="center", color="white" if dark else "black", fontsize=8)
-    axes.set_xticks(range(len(square)), square.columns, rotation=20, ha="right")
-    axes.set_yticks(range(len(square)), square.index)
-    axes.tick_params(length=0)
-
-
 def run(options: Any, runner: Any) -> Result:
     """The study as `anctmm study agreement` runs it."""
     solvers = list(options.solvers or registry.names())
@@ -192,6 +165,5 @@ def run(options: Any, runner: Any) -> Result:
             Table("matrix", "Agreement of the solvers", square.reset_index(), NOTES),
             Table("pairs", "Agreement by scene and element", pairs, NOTES),
         ),
-        (picture("agreement", CAPTION, lambda f: draw(f, square), (6.4, 1.3 + 0.5 * len(solvers))),),
         answers=sentences[:1], left_out="quintic and shear elements of the solvers that have cables.",
     )  # fmt: skip

@@ -1,9 +1,8 @@
 """Options of commands. One that cannot be parsed is named with its value and what is allowed."""
 
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -27,21 +26,13 @@ def parser(read: Callable[[str], Any], allowed: str, several: bool = False) -> C
     return parse
 
 
-def named(module: str, names: str, several: bool = False) -> Callable[[str], Any]:
-    """A parser of a name, or of several; the names are looked up in a module when they are needed."""
+def solver(text: str) -> str:
+    """The name of a registered solver."""
+    from anctmm.solvers import registry
 
-    def parse(text: str) -> Any:
-        found = getattr(import_module(module), names)
-        allowed = sorted(found() if callable(found) else found)
-
-        def read(item: str) -> str:
-            if item not in allowed:
-                raise ValueError
-            return item
-
-        return parser(read, ", ".join(allowed), several)(text)
-
-    return parse
+    if text not in registry.names():
+        raise typer.BadParameter(f"{text!r}; allowed are {', '.join(registry.names())}")
+    return text
 
 
 def mesh(text: str) -> tuple[int, ...]:
@@ -95,12 +86,9 @@ Steps = Annotated[Any, _option(
     "Time steps, s: 1e-5,5e-6.", "LIST", parser(positive, NUMBERS, several=True), "--dt")]
 Step = Annotated[Any, _option("Time step, s: 1e-3.", "NUMBER", parser(positive, NUMBERS), "--dt")]
 Solvers = Annotated[Any, _option(
-    "Solvers by name (see `anctmm list`): a,b.", "LIST", named("anctmm.solvers.registry", "names", several=True))]
-Element = Annotated[Any, _option(
-    "Element: cable, quintic, shear, rigid.", "NAME", named("anctmm.elements.kinds", "KINDS"))]
-Integrator = Annotated[Any, _option(
-    "Integrator: generalized-alpha, zhai, esdirk.", "NAME",
-    named("anctmm.discretise.discretisation", "INTEGRATORS"))]
+    "Solvers by name (see `anctmm list`): a,b.", "LIST", parser(solver, "names", several=True))]
+Element = Annotated[Literal["cable", "quintic", "shear", "rigid"] | None, typer.Option()]
+Integrator = Annotated[Literal["generalized-alpha", "zhai", "esdirk"] | None, typer.Option()]
 Target = Annotated[Any, _option("Target error, relative: 1e-3.", "NUMBER", parser(positive, NUMBERS), "--error")]
 Budget = Annotated[Any, _option(
     "CPU time of the steps: 0.5s, 20ms.", "TIME", parser(duration, "positive times such as 20ms, 0.5s"))]

@@ -33,6 +33,8 @@ FRACTIONS = (0.0, 0.3, 1.0)
 PROBES = ("bar.end", ("bar", 0.5))
 #: Part by which the effect of a feature may differ from that in another solver, on the same mesh.
 ALLOWED = 0.2
+#: Length of the motions that show an effect, s.
+ACTED = 0.2
 #: P L²/(E I) = 2 down, and an end moment the other way.
 PRESSED = made.pressed(
     at.Force("bar.end", (0.0, -2.0 * EI / LENGTH**2)), at.Torque("bar.end", 0.3 * EI / LENGTH)
@@ -274,8 +276,8 @@ def _difference(s: Subject, other: Subject, feature: str) -> float | None:
     integrator = next((i for i in s.offer.integrators if not s.offer.lacking({*needed, i})), None)
     if integrator is None:
         return None
-    theirs = _effect(*(s.motion(scene, integrator=integrator) for scene in scenes))
-    ours = _effect(*(other.motion(scene, element="cable") for scene in scenes))
+    theirs = _effect(*(s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes))
+    ours = _effect(*(other.motion(scene, element="cable", t_end=ACTED) for scene in scenes))
     return float(np.abs(theirs - ours).max() / np.abs(ours).max())
 
 

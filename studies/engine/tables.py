@@ -34,7 +34,7 @@ BELOW = "An error below the uncertainty of its reference is shown as below that:
 HIDDEN = {"case", "asked", "own", "kind", "repeats", "cpu_spread", "in_turn", "excess"}
 IN_SETTING = {
     "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "build_s", "steps",
-    "newton_iterations", "error_from",
+    "newton_iterations",
 }  # fmt: skip
 #: Names of columns that need a unit or a symbol.
 LABELS = {

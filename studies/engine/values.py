@@ -5,9 +5,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from math import floor, isfinite, log10, nan
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from anctmm.errors import ResultError
 from anctmm.model.case import Case
@@ -19,7 +19,6 @@ from anctmm.results.solution import Solution
 from studies.cases import place_name
 from studies.engine.refinement import MESH, STEP, Refined
 from studies.engine.richardson import left_in
-from studies.engine.tables import Table
 
 #: Part of the error of the history that every value has at least: two runs may agree in one number by chance.
 SHARE = 0.2
@@ -128,12 +127,15 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
     return values
 
 
-def values_table(values: Sequence[Value]) -> Table:
-    """Values as a table."""
-    columns = ["probe", "quantity", "value", "uncertainty", "unit"]
-    note = "uncertainty: an estimate of the errors of mesh and step, from coarser runs; none without one."
-    frame = pd.DataFrame([vars(v) for v in values], columns=columns)
-    return Table("values", "Values and their uncertainty", frame, (note, OUTPUTS_NOTE))
+def rows_of(values: Sequence[Value], place: str = "probe") -> list[dict[str, Any]]:
+    """A row a value, with its digits in words."""
+    return [
+        {
+            place: v.probe, "quantity": v.quantity, "value": v.value, "uncertainty": v.uncertainty, "unit": v.unit,
+            "digits": v.text,
+        }
+        for v in values
+    ]  # fmt: skip
 
 
 def _largest(what: str, case: Case) -> str:

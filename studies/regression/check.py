@@ -89,12 +89,8 @@ class Finding:
 def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -> tuple[Task, ...]:
     """Tasks whose name has one of the texts (or fits one of the patterns), of these solvers.
 
-    A solver that no task has (another package's) gets every run.
-
-    Raises
-    ------
-    CheckError
-        If a solver is neither asked for nor installed, or nothing is left.
+    A solver that no task has (another package's) gets every run. CheckError, if one is neither asked for nor
+    installed, or nothing is left.
     """
     asked = {task.solver for task in tasks}
     known = sorted(asked | set(registry.names()))
@@ -130,22 +126,8 @@ def check(
 ) -> Iterator[tuple[Finding, ...]]:
     """Run tasks and compare: findings of each task, in order, and at last of the stored histories without one.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-    baselines : Path
-        Directory of the stored histories.
-    whole : bool
-        Whether these are all tasks there are: then a stored history that none of them asks for is a finding.
-    workers : int
-        Processes.
-    file : str
-        Name of the file that declares the tasks: histories that belong to another file need no task.
-
-    Raises
-    ------
-    CheckError
-        At once, if there is no such directory.
+    These are looked for where `whole` says that there are no other tasks, and not among those that belong to another
+    `file` than the one that declares the tasks. CheckError at once, if there is no directory of baselines.
     """
     if not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
@@ -265,14 +247,9 @@ def _unasked(tasks: Sequence[Task], baselines: Path, file: str) -> tuple[Finding
 
 
 def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and store what is new or differs; parameters as of `check`.
+    """Run tasks and store what is new or differs; OutputError at once, if the directory cannot be written.
 
     A history within its tolerance is left as it is, and a run that is not whole is not stored.
-
-    Raises
-    ------
-    OutputError
-        At once, if the directory cannot be written.
     """
     check_writable(baselines, "--baselines")
     return ((_renewed(task, baselines, file),) for task in tasks)

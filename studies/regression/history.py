@@ -150,13 +150,7 @@ def write_baseline(path: Path, task: Task, stored: Baseline) -> None:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """Read a baseline.
-
-    Raises
-    ------
-    CheckError
-        If it is none of ours, or not whole.
-    """
+    """Read a baseline; CheckError if it is none of ours, or not whole."""
     lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
     if lines[0] != FIRST:
         raise CheckError(f"{path} does not begin with {FIRST!r}: it is no history stored by anctmm check")

@@ -25,18 +25,7 @@ def watches_of(
 ) -> tuple[Watch, ...]:
     """A watch of each case, of cables and implicit steps; a scene's name is that of its directory.
 
-    Parameters
-    ----------
-    cases : iterable of Case
-    mesh : tuple of int, optional
-        Elements of each beam, or one number for all.
-    dt : float, optional
-        Step, s.
-
-    Raises
-    ------
-    StudyError
-        If a mesh does not fit.
+    `mesh` has elements of each beam, or one number for all; StudyError if it does not fit. `dt` is a step, s.
     """
     return tuple(
         Watch(

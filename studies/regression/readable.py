@@ -170,22 +170,9 @@ def pairs(z: Complex) -> Array:
 
 
 def solve(scene: Scene, run: Discretisation, accelerations: Callable[[Row], Complex]) -> Solution:
-    """Motion of a chain of beams by Zhai's explicit steps (Rong 2014, eq. 38).
+    """Motion of a chain of beams by Zhai's explicit steps (Rong 2014, eq. 38); SolverError if it is no such chain.
 
     Initial velocities are those that bodies state; `Scene` has seen that they fit the joints and drives.
-
-    Parameters
-    ----------
-    scene : Scene
-    run : Discretisation
-        With integrator "zhai".
-    accelerations : callable
-        Of `anctmm.elimination.transfer`.
-
-    Raises
-    ------
-    SolverError
-        If the scene is no such chain.
     """
     chain, h, psi, phi = Chain(scene, run), run.dt, run.psi, run.phi
     q, v = chain.reference.copy(), vectors_of(chain.mesh.initial_velocity)

@@ -76,7 +76,7 @@ def junit(findings: Sequence[Finding]) -> str:
     xml = ElementTree.Element("testsuites", name="anctmm check")
     for scene, group in groupby(findings, key=lambda f: f.name.split("/")[0]):
         cases = list(group)
-        outcomes = ["skipped" if f.verdict == NOT_RUN else _outcome(f) for f in cases]
+        outcomes = [_outcome(f) for f in cases]
         counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
         number = {k: str(outcomes.count(v)) for k, v in counts.items()} | {"tests": str(len(cases))}
         suite = ElementTree.SubElement(xml, "testsuite", name=scene, **number)  # type: ignore[arg-type]
@@ -91,21 +91,18 @@ def junit(findings: Sequence[Finding]) -> str:
 
 
 def _outcome(f: Finding) -> str:
+    if f.verdict == NOT_RUN:
+        return "skipped"
     return "" if f.good else "error" if f.verdict == FAILED else "failure"
 
 
 def _draw(f: Finding, figure: Figure) -> None:
-    """The column of a history that is farthest off, stored and computed, and their difference."""
+    """The column that is farthest off, less the stored one, between its tolerances."""
     assert f.computed and f.stored and f.worst  # noqa: PT018
     now, before = (frame[f.worst.column] for frame in (f.computed.frame, f.stored.history.frame))
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    above.plot(now, "o", label="computed")
-    above.plot(before, color="black", linewidth=1.0, label="stored")
-    label, title = (text.replace("$", r"\$") for text in (f.worst.column, f.title))  # no mathematics
-    above.set(ylabel=label, title=title)
-    allowed = f"tolerance, ±{f.worst.tolerance:.1e} {f.worst.unit}"
-    below.axhspan(-f.worst.tolerance, f.worst.tolerance, color="tab:green", alpha=0.3, label=allowed)
-    below.plot(now.index, now.to_numpy() - before.to_numpy(), "o-", linewidth=1.0)
-    below.set(xlabel=now.index.name, ylabel=f"difference ({f.worst.unit})")
-    above.legend()
-    below.legend()
+    title, label = (text.replace("$", r"\$") for text in (f.title, f.worst.column))  # no mathematics
+    axes = figure.subplots()
+    axes.axhspan(-f.worst.tolerance, f.worst.tolerance, color="tab:green", alpha=0.3, label="tolerance")
+    axes.plot(now.index, now.to_numpy() - before.to_numpy(), "o-", label="computed − stored")
+    axes.set(title=title, xlabel=now.index.name, ylabel=label)
+    axes.legend()

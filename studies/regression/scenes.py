@@ -241,13 +241,7 @@ class Task:
 
 
 def tasks_of(watches: Iterable[Watch]) -> tuple[Task, ...]:
-    """Every solver of every run of every scene.
-
-    Raises
-    ------
-    CheckError
-        If two would share a file.
-    """
+    """Every solver of every run of every scene; CheckError if two would share a file."""
     tasks = tuple(
         Task(watch.scene, tuple(watch.probes), name, run, solver, watch.ends)
         for watch in watches
@@ -261,13 +255,7 @@ def tasks_of(watches: Iterable[Watch]) -> tuple[Task, ...]:
 
 
 def declared_in(path: Path) -> tuple[Watch, ...]:
-    """The WATCHED of a user's Python file; the file may import its neighbours.
-
-    Raises
-    ------
-    CheckError
-        If the file is not there, does not run, or declares nothing of that kind.
-    """
+    """The WATCHED of a user's Python file, which may import its neighbours; CheckError if there is none."""
     found = defined_in(path, "WATCHED", CheckError, "--scenes")
     if not found or not isinstance(found, list | tuple) or not all(isinstance(w, Watch) for w in found):
         raise CheckError(

@@ -1,13 +1,10 @@
 """Allowed differences of a history, measured on the history itself.
 
-Two things change a history although nothing has changed. Rounding: another processor, another BLAS or another order of
-the same sums rounds otherwise at every step. And the iteration: Newton stops somewhere below its tolerance, and another
-sequence of corrections stops elsewhere. Both are measured when a history is stored, by runs that answer the same
-question with every rounding different:
-
-- the scene is turned in the plane by angles of no meaning; vectors, turned back, would be equal in exact arithmetic,
-  and scalars are;
-- the iteration is stopped at a tolerance ten times as large; in statics, it also gets there by twice the load steps.
+Two things change a history although nothing has changed. Rounding: another processor or another order of the same sums
+rounds otherwise at every step. And the iteration: Newton stops somewhere below its tolerance. Both are measured when a
+history is stored: the scene is turned in the plane by angles of no meaning (vectors, turned back, would be equal in
+exact arithmetic, and scalars are), and the iteration is stopped at a tolerance ten times as large; in statics, it also
+gets there by twice the load steps.
 
 The largest difference of these runs, but no less than what a single rounding or a single iteration may leave, times
 MARGIN, is the tolerance. It stands in the file with its reason, so that one that grows is seen in a diff.
@@ -43,14 +40,9 @@ EXUDYN, EXUDYN_STATIC = {"tolerances": (1e-6, 1e-7)}, 1e-10
 
 
 def measured(task: Task, history: History) -> Baseline:
-    """A history with the tolerance of every quantity.
+    """A history with the tolerance of every quantity; CheckError if a run that measures it fails.
 
     What the end of a run names that depends on rounding, such as one of two equal elements, is left out.
-
-    Raises
-    ------
-    CheckError
-        If a run that measures it fails, or gives other quantities.
     """
     moved: dict[str, dict[str, float]] = {quantity: {} for quantity in history.quantities}
     ending = history.ending.split(", ")

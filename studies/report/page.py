@@ -68,6 +68,7 @@ def inline(shown: Picture, study: str) -> Markup:
     )
     for pattern, text in replaced:
         svg = re.sub(pattern, text, svg)
+    svg = re.sub(r' (?:d|x|y)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), svg)
     for colour, variable in ((INK, "ink"), (GRID, "grid"), (PAPER, "paper")):
         svg = svg.replace(colour, f"var(--{variable})")
     return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{escape(shown.caption)}" ', 1))

@@ -56,19 +56,11 @@ def write_picture(shown: Picture, folder: Path) -> None:
     atomic_write(folder / f"{shown.name}.svg", shown.svg)
 
 
-def solver_colour(name: str) -> str:
-    """The colour of a solver in every picture, by its place among all that are registered."""
-    return PALETTE[_number(name) % len(PALETTE)]
-
-
-def solver_marker(name: str) -> str:
-    """The marker of a solver in every picture."""
-    return MARKERS[_number(name) % len(MARKERS)]
-
-
-def _number(name: str) -> int:
+def look_of(solver: str) -> dict[str, Any]:
+    """Colour and marker of a solver in every picture, by its place among all that are registered."""
     names = registry.names()
-    return names.index(name) if name in names else sum(name.encode())
+    place = names.index(solver) if solver in names else sum(solver.encode())
+    return {"color": PALETTE[place % len(PALETTE)], "marker": MARKERS[place % len(MARKERS)], "markersize": 4}
 
 
 def log_axes(figure: Figure, axes: Sequence[Axes], labels: Sequence[tuple[str, str]]) -> None:

@@ -120,7 +120,7 @@ def read(folder: Path) -> Measured:
     RecommendError
         If a table is missing, cannot be read, or is another one.
     """
-    frames = []
+    frames: list[Any] = []
     for name, needed in NEEDED.items():
         path = folder / f"{name}.csv"
         if name == "points" and not path.is_file():
@@ -136,7 +136,9 @@ def read(folder: Path) -> Measured:
                 f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
             )
         frames.append(frame)
-    return Measured(*frames, "the table that ships with anctmm" if folder == KEPT else str(folder))
+    points, histories, references = frames
+    origin = "the table that ships with anctmm" if folder == KEPT else str(folder)
+    return Measured(points, histories, references, origin)
 
 
 def of_result(result: Result) -> Measured:
@@ -149,7 +151,8 @@ def of_result(result: Result) -> Measured:
     """
     if not result.good:
         raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    return Measured(*(result.table(name).frame for name in NEEDED), "measured now")
+    points, histories, references = (result.table(name).frame for name in NEEDED)
+    return Measured(points, histories, references, "measured now")
 
 
 def check_case(measured: Measured, case: Case) -> None:

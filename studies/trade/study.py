@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,7 @@ from studies.engine.fronts import front
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
 from studies.engine.tables import Table, error_text, milliseconds, records, times
-from studies.report.plots import floor, log_axes, picture, solver_colour, solver_marker
+from studies.report.plots import floor, log_axes, look_of, picture
 from studies.trade import tables as made
 from studies.trade.measure import like_with_like, solve_all, time_near
 from studies.trade.settings import grid, levels_of, not_timed
@@ -106,8 +105,7 @@ def _picture(scene: str, rows: pd.DataFrame) -> Picture:
         axes = figure.subplots()
         for solver, own in rows[rows["in_turn"]].groupby("solver", sort=False):
             line, name = front(own), str(solver)
-            look: Any = {"color": solver_colour(name), "marker": solver_marker(name), "markersize": 4}
-            axes.plot(line["cpu_s"], line["error_bound"], label=name, **look)
+            axes.plot(line["cpu_s"], line["error_bound"], label=name, **look_of(name))
         floor(axes, float(np.nanmax(rows["reference_error"])))
         log_axes(figure, [axes], [("CPU time of the steps (s)", "relative error (bound)")])
 

@@ -1,27 +1,20 @@
-"""Kinds of element are data: what is said of each holds, and one more entry is one more kind everywhere."""
+"""Kinds of element are data: what is said of each holds, and what a kind cannot do is refused."""
 
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import product
 
 import pytest
 from samples import SOFT, SQUARE
 
 import anctmm as at
-import reference.exudyn.cable
-import reference.exudyn.reissner
-import reference.global_dae
-import reference.opensees
-import reference.pyelastica
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.elements import kinds
-from anctmm.elements.cable import CableElement
-from anctmm.elements.kinds import (
-    KINDS,
-)
+from anctmm.elements.kinds import KINDS
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
+from reference import exudyn_cable, pyelastica
 
-SECTION = at.Rectangle(0.05, 0.05)
 BODY = at.Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT)
+SCENE = at.Scene("clamped", [BODY], [at.Clamp("b.start")])
 
 
 def test_kinds_weld_of_which_joints_hold_the_same_vectors():
@@ -35,59 +28,24 @@ def test_unknown_kinds_are_refused_by_name(name):
         Discretisation(1, element=name)
 
 
-# --- one more kind -----------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("solve", "integrator"), [(exudyn_cable.solve, "generalized-alpha"), (pyelastica.solve, "zhai")]
+)
+def test_a_kind_that_another_code_does_not_know_is_unsupported_there(solve, integrator):
+    found = solve(SCENE, mesh=2, element="quintic", integrator=integrator, dt=1e-5, t_end=2e-5)
+    assert found.status.code == "unsupported"
+    assert "'quintic' for body 'b'" in found.status.message
 
 
-class DoubleElement(CableElement):
-    """A cable of twice the bending stiffness."""
-
-    @classmethod
-    def of(cls, body, elements, quadrature="full"):
-        one = CableElement.of(body, elements, quadrature)
-        return cls(one.l, one.EA, 2.0 * one.EI, one.mass_per_length, quadrature, one.damping)
-
-
-@pytest.fixture
-def double(monkeypatch):
-    """A kind that is added by an entry and a class."""
-    kind = replace(KINDS["cable"], name="double", title="double cables", element=DoubleElement)
+@pytest.mark.parametrize("able", INTEGRATORS)
+def test_a_kind_without_an_integrator_or_statics_is_refused_there(able, monkeypatch):
+    kind = replace(KINDS["cable"], name="double", title="double cables", integrators=(able,), statics=False)
     monkeypatch.setitem(kinds.KINDS, "double", kind)
-    return kind
-
-
-def hinged(section=SECTION, **changes):
-    """A clamped and a pinned beam under a torque."""
-    bodies = [
-        at.Beam("a", (0.0, 0.0), (0.5, 0.0), section, SOFT),
-        at.Beam("c", (0.5, 0.0), (1.0, 0.0), section, SOFT),
-    ]
-    joints = [at.Clamp("a.start"), at.Pin("a.end", "c.start")]
-    scene = at.Scene("hinged", bodies, joints, loads=[at.Torque("c.end", 0.02)], gravity=(0.0, -9.81))
-    return replace(scene, **changes)
-
-
-def test_a_kind_that_others_do_not_know_is_unsupported_there(double):
-    for solve, integrator in (
-        (reference.exudyn.cable.solve, "generalized-alpha"),
-        (reference.pyelastica.solve, "zhai"),
-    ):
-        found = solve(hinged(joints=[at.Clamp("a.start")], bodies=hinged().bodies[:1], loads=[]), mesh=2,
-                      element="double", integrator=integrator, dt=1e-5, t_end=2e-5)  # fmt: skip
-        assert found.status.code == "unsupported"
-        assert "'double' for body 'a'" in found.status.message
-
-
-def test_a_kind_without_an_integrator_or_statics_is_refused_there(double, monkeypatch):
-    for able in combinations(INTEGRATORS, 1):
-        monkeypatch.setitem(kinds.KINDS, "double", replace(double, integrators=able, statics=False))
-        for other in set(INTEGRATORS) - set(able):
-            with pytest.raises(
-                DiscretisationError,
-                match=f"integrator '{other}' needs .* has double cables with '{able[0]}'",
-            ):
-                at.solve(hinged(), mesh=2, element="double", integrator=other, dt=1e-5, t_end=2e-5)
-        with pytest.raises(DiscretisationError, match="element is 'double' for body 'a'; statics needs"):
-            at.solve_static(hinged(), mesh=2, element="double")
+    for other in set(INTEGRATORS) - {able}:
+        with pytest.raises(DiscretisationError, match=f"'{other}' needs .* has double cables with '{able}'"):
+            at.solve(SCENE, mesh=2, element="double", integrator=other, dt=1e-5, t_end=2e-5)
+    with pytest.raises(DiscretisationError, match="element is 'double' for body 'b'; statics needs"):
+        at.solve_static(SCENE, mesh=2, element="double")
 
 
 def test_a_rigid_body_is_one_element():

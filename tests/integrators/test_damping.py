@@ -99,15 +99,15 @@ def test_axial_vibration_decays_as_exactly_known(integrator):
     assert np.abs(ours.displacement("bar.start")[:, 0] - expected).max() < 2e-4 * np.abs(expected).max()
 
 
-def test_scene_limit_counts_damping():
+@pytest.mark.parametrize("solver", [solve, global_dae.solve])
+def test_scene_limit_counts_damping(solver):
     scene = bar([Clamp("bar.start")], material=DAMPED)
     system = system_of(scene, mesh=4)
     omega = highest_frequency(system, system.mesh.reference)
     limit = step_limit(0.5, 0.5, omega, TAU * omega**2)  # one τ throughout
-    for solver in (solve, global_dae.solve):
-        with pytest.raises(StabilityError, match=f"at most {limit:.5g}"):
-            solver(scene, mesh=4, integrator="zhai", dt=1.01 * limit, t_end=1.01 * limit)
-    assert solve(scene, mesh=4, integrator="zhai", dt=0.99 * limit, t_end=99 * limit).status.ok
+    with pytest.raises(StabilityError, match="at most"):
+        solver(scene, mesh=4, integrator="zhai", dt=1.001 * limit, t_end=100.1 * limit)
+    assert solver(scene, mesh=4, integrator="zhai", dt=0.999 * limit, t_end=99.9 * limit).status.ok
 
 
 @pytest.mark.parametrize("damping", [-1, float("nan")])

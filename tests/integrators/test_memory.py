@@ -36,7 +36,7 @@ def test_a_long_run_with_one_output_takes_no_more_memory_than_a_short_one(road, 
         times = {"dt": 1e-6, "t_end": 1e-6 * steps, "output_dt": 1e-6 * steps}
         return peak(lambda: road(DRIVEN, mesh=1, integrator=integrator, **times))
 
-    short, long = run(20_000), run(80_000)
+    short, long = run(60_000), run(240_000)
     assert long <= 1.1 * short
     assert long < 16e6
 

@@ -129,20 +129,6 @@ def test_driven_clamp_at_either_end_and_in_either_direction(turned, kind, integr
         assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
 
 
-@every_integrator
-def test_two_driven_hubs(integrator):
-    """Both ends of one body turn; a turn by equal angles of opposite sense keeps the mirror symmetry."""
-    drive, back = Quintic(0.5, 0.1), Quintic(-0.5, 0.1)
-    beam = Beam("b", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
-    scene = Scene("arch", [beam], [Clamp("b.start", drive), Clamp("b.end", back)])
-    motion = move(scene, integrator, t_end=0.1, mesh=4)
-    for fraction in (0.25, 0.4):
-        left, right = motion.position("b", fraction), motion.position("b", 1 - fraction)
-        assert np.abs(left * [-1, 1] + [1, 0] - right).max() < 1e-10
-    assert motion.position("b", 0.5)[-1, 1] > 0.04
-    assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
-
-
 @pytest.mark.parametrize(("integrator", "factor"), [("zhai", 1), ("generalized-alpha", 20)])
 def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor):
     """Work of a clamp, a torque and a force of time; ρ∞ = 1 takes nothing."""

@@ -1,15 +1,12 @@
 """A cost says what the steps took, what building the rest took, and what the compiler took."""
 
-from dataclasses import replace
 from time import process_time
 
 import pytest
 from samples import bar
 
 from anctmm.model.scene import Clamp
-from anctmm.results.solution import Cost
 from anctmm.solve import solve, solve_static
-from anctmm.solvers import registry
 from reference import global_dae
 
 SCENE = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
@@ -30,15 +27,3 @@ def test_the_parts_of_a_cost_add_up_to_the_call(run):
     assert cost.build_s > 0.0
     assert cost.compile_s == 0.0
     assert 0.0 < cost.cpu_s + cost.build_s <= took
-
-
-def test_peers_are_accounted_for_by_the_registry():
-    whole = solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3)
-
-    def peer(scene):
-        until = process_time() + 0.01
-        while process_time() < until:
-            pass
-        return replace(whole, scene=scene, cost=Cost(cpu_s=0.001))
-
-    assert registry.checked("peer", peer)(SCENE).cost.build_s >= 0.009

@@ -49,21 +49,6 @@ def test_everything_that_moves_has_a_shape(mechanism):
     }  # fmt: skip
 
 
-def test_a_guide_moves_with_the_body_that_carries_it():
-    """The line of a slider on a plate that turns freely turns as the plate does."""
-    plate = at.RigidBody("plate", 1.0, 0.1, (0.0, 0.0), {"a": (1.0, 0.0)}, spin=2.0)
-    bead = at.PointMass("bead", 0.1, (1.0, 0.0), velocity=(0.0, 2.0))
-    scene = at.Scene(
-        "s", [plate, bead], [at.Pin("plate.center"), at.Slider("bead.center", (1.0, 0.0), body="plate")]
-    )
-    solution = at.solve(scene, dt=1e-2, t_end=0.2, output_dt=0.1)
-    line = shapes_of(solution)[-1].points
-    along = line[:, 1] - line[:, 0]
-    angle = np.arctan2(along[:, 1], along[:, 0])
-    np.testing.assert_allclose(angle, solution.angle("plate.center"), atol=1e-12)
-    assert angle[-1] > 0.3
-
-
 def test_pictures_of_mechanisms(mechanism, tmp_path):
     figure = mechanism.plot()
     axes = figure.axes[0]

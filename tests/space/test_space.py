@@ -179,7 +179,7 @@ UP = at.Beam("up", (0, 0, 0), (0, 0, 1), ROD, SOFT)
 BALL = at.RigidBody("ball", 1.0, (1.0, 1.0, 1.0), (0, 0, 1), {"a": (0, 0, 0)})
 REFUSED = {
     "mixed": (lambda: at.Scene("s", [UP, at.PointMass("m", 1.0, (0, 0))]), SceneError, "2 components"),
-    "gravity": (lambda: at.Scene("s", [UP], gravity=(0.0, -9.81)), PropertyError, "finite numbers"),
+    "gravity": (lambda: at.Scene("s", [UP], gravity=(0.0, -9.81)), PropertyError, "a triple"),
     "force": (lambda: at.Scene("s", [UP], loads=[at.Force("up.end", (1, 0))]), SceneError, "3 are needed"),
     "torque": (lambda: at.Scene("s", [UP], loads=[at.Torque("up.end", 1.0)]), UnsupportedError, "Torque"),
     "follower": (

@@ -16,7 +16,7 @@ from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.kinds import kind_of
 from anctmm.model.connectors import Spring
 from anctmm.model.scene import Scene
-from anctmm.results.checks.finding import Finding
+from anctmm.results.checks.finding import Finding, most_stretched
 from anctmm.results.checks.scales import EPS, drive_rates, is_driven, mass_of, reach_of, work_of_loads
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy, Solution
@@ -54,7 +54,8 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
                 error = float(energy.balance[k])
                 verb = "was created by numerical error" if error > 0.0 else "vanished"
                 sizes = f"{abs(error):.3g} J of {present[: k + 1].max():.3g} J {verb} until {{when}}"
-                yield Finding(k, code, f"{sizes}: {_advice(run, error > 0.0)}")
+                message = f"{sizes}: {_advice(run, error > 0.0)}"
+                yield Finding(k, code, message, *most_stretched(solution, k))
 
 
 def _stored(energy: Energy) -> Array:
@@ -92,9 +93,8 @@ def _wrong(solution: Solution, run: Discretisation) -> Iterator[tuple[str, Mask]
     if not run.explicit or not damped:
         settles = vibrates and (damped or not _keeps_energy(run))
         inaccurate |= -balance > INACCURATE * present + (SETTLED * most(exchanged) if settles else 0.0)
-    inaccurate[:-1] &= inaccurate[
-        1:
-    ]  # what is gone at the next output was a start that the step does not resolve
+    # what is gone at the next output was a start that the step does not resolve
+    inaccurate[:-1] &= inaccurate[1:]
     yield "inaccurate", inaccurate & significant
 
 

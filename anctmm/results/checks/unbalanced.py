@@ -6,6 +6,7 @@ forces do the work F · d of a translation d, wherever the bodies are: where the
 equilibrium.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -30,21 +31,21 @@ def never_balanced(scene: Scene) -> Status | None:
     for one, two in joined_bodies(scene, acting):
         if two is not GROUND:
             sets.unite(one, two)
-    across, forces = list(_held(scene, acting)), list(_forces(scene))
+    held, forces = defaultdict[str, list[Array]](list), defaultdict[str, list[Array]](list)
+    for name, rows in _held(scene, acting):
+        held[sets.of(name)].append(rows)
+    for name, force in _forces(scene):
+        forces[sets.of(name)].append(force)
     for names in sets.among(body.name for body in scene.bodies):
-        rows = np.array([row for body, rows in across if body in names for row in rows])
-        own = np.array([force for body, force in forces if body in names])
-        _, sizes, directions = np.linalg.svd(rows) if len(rows) else (0, np.empty(0), np.eye(2))
-        free = directions[int((sizes > 1e-12).sum()) :]
-        along = np.round(free.T @ free, 12) @ own.sum(axis=0)
+        one = sets.of(names[0])
+        _, sizes, directions = np.linalg.svd(np.vstack([np.zeros((2, 2)), *held[one]]), full_matrices=False)
+        free = directions[sizes <= 1e-12]
+        along = np.round(free.T @ free, 12) @ np.sum(forces[one], axis=0)
         size = float(np.linalg.norm(along))
-        if size > 1e-9 * float(np.linalg.norm(own, axis=1).sum()):
+        if size > 1e-9 * float(np.linalg.norm(forces[one], axis=1).sum()):
             x, y = along / size + 0.0
-            who = (
-                f"body {names[0]!r} is"
-                if len(names) == 1
-                else f"bodies {listed(names)}, which are connected, are"
-            )
+            who = f"bodies {listed(names)}, which are connected, are"
+            who = f"body {names[0]!r} is" if len(names) == 1 else who
             message = (
                 f"no equilibrium found beyond 0 of the load: {who} free to move along ({x:.4g}, {y:.4g}) without end, "
                 f"and a force of {size:.4g} N acts; a joint or a spring to the ground, or another load, is needed"

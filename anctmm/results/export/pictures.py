@@ -188,7 +188,7 @@ def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
     shapes, last = shapes_of(solution), chosen[-1]
     unit = "" if solution.static else " s"
     for k, shade in zip(chosen, np.linspace(0.25, 1.0, len(chosen)), strict=True):
-        label = f"{solution.t[k]:.3g}{unit}"
+        label: str | None = f"{solution.t[k]:.3g}{unit}"
         for shape in shapes:
             if shape.name or k == last:
                 axes.plot(

@@ -26,12 +26,7 @@ class NotPlain(Exception):
 
 
 class NotSaved:
-    """Represents a function that a file cannot contain.
-
-    Parameters
-    ----------
-    name : str
-    """
+    """Represents a function that a file cannot contain, by its name."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -39,7 +34,7 @@ class NotSaved:
     def __call__(self, *_: object) -> Any:
         """Raises ResultError."""
         raise ResultError(
-            f"function {self.name} was not saved with the solution; give the scene to `load` to have it"
+            f"function {self.name} was not saved with the solution; `load` takes it from a scene"
         )
 
     def __repr__(self) -> str:
@@ -47,13 +42,7 @@ class NotSaved:
 
 
 def describe(value: Any) -> tuple[str, Arrays]:
-    """A result as a text in JSON and its arrays, by the places where they stand in it.
-
-    Raises
-    ------
-    NotPlain
-        Naming what is no data.
-    """
+    """A result as a text in JSON and its arrays, by their places in it; NotPlain where something is no data."""
     arrays: Arrays = {}
     try:
         return json.dumps(_plain(value, arrays, ())), arrays
@@ -62,13 +51,7 @@ def describe(value: Any) -> tuple[str, Arrays]:
 
 
 def rebuild(text: str | bytes, arrays: Mapping[str, np.ndarray]) -> Any:
-    """The result that `describe` made a text and arrays of.
-
-    Raises
-    ------
-    NotPlain
-        If they are none, or one of a class that is not loaded or has changed.
-    """
+    """What `describe` made a text and arrays of; NotPlain if they are none, or of a class that has changed."""
     try:
         return _value(json.loads(text), arrays)
     except (LookupError, ValueError, TypeError, AttributeError) as error:

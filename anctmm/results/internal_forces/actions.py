@@ -130,7 +130,9 @@ def _stretch(solution: Any, connector: Connector) -> tuple[Array, Array, float]:
         first, second = ends_of(solution.scene, connector)
         there: Any = second.position if isinstance(second, Place) else second
         return *_line(solution, connector)[:2], float(np.linalg.norm(np.subtract(there, first.position)))
-    value, rate, sign = 0.0, 0.0, -1.0 if len(connector.places) == 2 else 1.0
+    value: Any = 0.0
+    rate: Any = 0.0
+    sign = -1.0 if len(connector.places) == 2 else 1.0
     for place in connector.places:
         value = value + sign * turn_since_placed(solution, place)
         rate = rate + sign * (0.0 if solution.static else solution.spin(place))

@@ -24,8 +24,3 @@ RUN = {"mesh": 1}
 def known(s):
     force, exact = 1e-3 * s.section_force(("bottom1", 0.5))[-1, 0], 2e-3 * LOAD / 3**0.5
     return "force in the middle bar below", force, exact, 1e-3 * exact, "kN", "a cut through three bars"
-
-
-def curves(s):
-    forces = [1e-3 * s.section_force((bar, 0.5))[-1, 0] for bar in bars]
-    return "number of the bar", list(range(len(bars))), "force (kN): pulled +, pushed −", {"bars": forces}

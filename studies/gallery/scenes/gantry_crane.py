@@ -32,7 +32,3 @@ def ahead(s):
 def known(s):
     swing = abs(ahead(s)[s.t > s.t[-1] - PERIOD / 2]).max()
     return "swing of the load at the end", swing, 0.0, 2e-3, "m", "none after a whole period"
-
-
-def curves(s):
-    return "t (s)", s.t, "load ahead of the trolley (m)", {"load": ahead(s)}

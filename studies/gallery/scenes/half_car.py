@@ -33,8 +33,3 @@ def known(s):
     bounce = min(modes.frequencies / np.sqrt(1 - modes.damping**2))
     exact = np.sqrt((front.stiffness + rear.stiffness) / car.mass) / (2 * pi)
     return "frequency of the bounce, undamped", bounce, exact, 1e-7, "Hz", "√((k₁ + k₂)/m)/2π, as k₁ a = k₂ b"
-
-
-def curves(s):
-    rise = {end: 1e3 * (s.position(f"car.{end}")[:, 1] - 0.4) for end in ("front", "rear")}
-    return "t (s)", s.t, "rise of the body (mm)", rise

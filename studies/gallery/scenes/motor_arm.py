@@ -30,7 +30,3 @@ def known(s):
     weights = 9.81 * (load.mass * s.position("load.center")[-1, 0] + arm.mass * middle)
     moment = -s.tension(motor)[-1]
     return "moment of the motor at the end", moment, weights, 5e-3 * weights, "N m", "moment of the weights"
-
-
-def curves(s):
-    return "t (s)", s.t, "moment of the motor (N m)", {"motor": -s.tension(motor)}

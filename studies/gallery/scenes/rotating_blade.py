@@ -17,9 +17,3 @@ def known(s):
     flap = np.hypot(2 * np.pi * lag / unit, 5)
     what = "flap frequency at speed 5, both without unit"
     return what, flap, 6.4495, 2e-4, "", "Wright et al. 1982, J. Appl. Mech. 49"
-
-
-def curves(s):
-    diagram = at.campbell(scene, np.linspace(0, 120, 13), mesh=8, count=3)
-    lines = {f"mode {k}": line for k, line in enumerate(diagram.frequencies.T, 1)}
-    return "speed (rad/s)", diagram.speeds, "frequency (Hz)", lines

@@ -33,7 +33,3 @@ def known(s):
     rigid = MASS * CRANK * SPEED**2 * (1 + CRANK / ROD)
     what = "pull of the rod at the dead centre"
     return what, force, rigid, 0.02 * rigid, "N", "m r ω² (1 + r/l), rigid bars"
-
-
-def curves(s):
-    return "t (s)", s.t, "force on the piston (N)", {"along its line": s.reaction(pin)[:, 0]}

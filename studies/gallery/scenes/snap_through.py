@@ -22,8 +22,3 @@ def known(s):
     exact = 2 * wood.E * section.area * y * (1 / hypot(SPAN, y) - 1 / whole)
     first = LOAD * s.t[: s.t.argmin()].max()
     return "load at which they snap", first, exact, 1e-6 * exact, "N", "largest of 2 EA y (1/l − 1/l₀)"
-
-
-def curves(s):
-    height = 1e3 * s.position("left.end")[:, 1]
-    return "height of the top (mm)", height, "load (kN)", {"path of equilibria": 1e-3 * LOAD * s.t}

@@ -12,8 +12,3 @@ RUN = {"mesh": 12, "dt": 2.5e-3}
 def known(s):
     change = abs(s.energy.balance).max() / abs(s.energy.potential).max()
     return "largest change of energy, of the potential one", change, 0.0, 1e-3, "", "conservation"
-
-
-def curves(s):
-    parts = {"kinetic": s.energy.kinetic, "strain": s.energy.strain, "weight": s.energy.potential}
-    return "t (s)", s.t, "energy (J)", parts

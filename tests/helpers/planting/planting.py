@@ -1,6 +1,6 @@
 """Faults planted by syntax: does `anctmm check` see them?
 
-    python tests/helpers/planting/planting.py [--only TEXT] [--check PATTERN]
+    python tests/helpers/planting/planting.py [--only TEXT]
 
 plants each fault of `faults.py`, one at a time, in a process of its own, and prints the first comparison of the check
 that it changes. Exit code 1 if one is not seen. No file is changed: the process imports the changed module.
@@ -72,8 +72,10 @@ def flip(number=0):
     """Swap the sign of one + or −, counted in the order of the source."""
 
     def change(tree):
-        node = _pick([n for n in _in_order(tree) if type(getattr(n, "op", None)) in OTHER], number, "sign")
-        node.op = OTHER[type(node.op)]()
+        signs = [n for n in _in_order(tree) if type(getattr(n, "op", None)) in OTHER]
+        if number >= len(signs):
+            raise NotFound(f"there are {len(signs)} signs; number {number} is needed")
+        signs[number].op = OTHER[type(signs[number].op)]()
 
     change.__name__ = f"flip({number})"
     return change
@@ -83,22 +85,22 @@ def replace(old, new, number=0):
     """Put one expression in the place of another one."""
     wanted, other = (ast.parse(text, mode="eval").body for text in (old, new))
 
+    class Replace(ast.NodeTransformer):
+        left = number
+
+        def visit(self, node):
+            is_wanted = ast.unparse(node) == ast.unparse(wanted) if isinstance(node, ast.expr) else False
+            if is_wanted and not isinstance(getattr(node, "ctx", None), ast.Store):
+                self.left -= 1
+                if self.left == -1:
+                    return other
+            return self.generic_visit(node)
+
     def change(tree):
-        places = [
-            (parent, field, index)
-            for parent in _in_order(tree)
-            for field, value in ast.iter_fields(parent)
-            for index, item in enumerate(value if isinstance(value, list) else [value])
-            if isinstance(item, ast.expr)
-            and not isinstance(getattr(item, "ctx", None), ast.Store)
-            and ast.unparse(item) == ast.unparse(wanted)
-        ]
-        parent, field, index = _pick(places, number, old)
-        value = getattr(parent, field)
-        if isinstance(value, list):
-            value[index] = other
-        else:
-            setattr(parent, field, other)
+        transformer = Replace()
+        transformer.visit(tree)
+        if transformer.left >= 0:
+            raise NotFound(f"there are too few places of {old}; number {number} is needed")
 
     change.__name__ = f"{old} → {new}"
     return change
@@ -112,12 +114,6 @@ def scale(expression, factor, number=0):
 def _in_order(tree):
     """Nodes in the order of the source."""
     return [tree, *(node for child in ast.iter_child_nodes(tree) for node in _in_order(child))]
-
-
-def _pick(places, number, what):
-    if number >= len(places):
-        raise NotFound(f"there are {len(places)} places of {what}; number {number} is needed")
-    return places[number]
 
 
 # --- planting ------------------------------------------------------------------------------------------------
@@ -159,11 +155,11 @@ def seen(fault, only=""):
     """The comparison that a fault changes, found in a process of its own; empty if none."""
     paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
     code = f"import planting, faults; print(planting.in_process({fault.name!r}, {only!r}))"
+    command, environment = [sys.executable, "-W", "ignore", "-c", code], {**os.environ, "PYTHONPATH": paths}
     try:
         done = subprocess.run(
-            [sys.executable, "-W", "ignore", "-c", code], env={**os.environ, "PYTHONPATH": paths},
-            capture_output=True, text=True, check=False, timeout=PATIENCE,
-        )  # fmt: skip
+            command, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE
+        )
     except subprocess.TimeoutExpired:
         return f"it takes longer than {PATIENCE} s"
     last = (done.stderr if done.returncode else done.stdout).strip().split("\n")[-1]
@@ -182,18 +178,14 @@ def main():
     """Command line."""
     from faults import FAULTS
 
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description="plants faults and prints which run of the check sees each")
     parser.add_argument("--only", default="", help="faults whose kind or name has this text")
-    parser.add_argument("--check", default="", help="runs of the check: part or pattern of scene/run/solver")
     options = parser.parse_args()
-    chosen = [f for f in FAULTS if options.only in f"{f.kind} {f.name}"]
     found = []
-    for fault in chosen:
-        found.append(seen(fault, options.check))
+    for fault in (f for f in FAULTS if options.only in f"{f.kind} {f.name}"):
+        found.append(seen(fault))
         print(fault.kind, fault.name, found[-1] or "NOT SEEN", sep=" | ", flush=True)
-    print(f"seen {sum(map(bool, found))} of {len(chosen)}")
+    print(f"seen {sum(map(bool, found))} of {len(found)}")
     raise SystemExit(0 if all(found) else 1)
 
 

@@ -88,13 +88,12 @@ def test_what_happens_between_outputs_is_seen(event):
         assert at.compare(found, fine, probes).error <= 3.0 * tolerance
 
 
-@pytest.mark.parametrize("cycles", [8, 50])
-def test_a_fast_load_is_no_alias(cycles):
+def test_a_fast_load_is_no_alias():
     """A force A sin(ωt) drives a free bar's centre by A/(mω) (t − sin(ωt)/ω): however a table would take it.
 
     Newton's tolerance is one that the balance of energy bears over a million steps.
     """
-    rate = 2.0 * pi * cycles / T_END
+    rate = 2.0 * pi * 50 / T_END
     mass = SOFT.density * 0.02**2
     size = 0.3 * mass * rate / T_END  # it drifts by 0.3 m
     force = [
@@ -108,25 +107,6 @@ def test_a_fast_load_is_no_alias(cycles):
     assert found.status.ok
     middle = 0.5 * (found.displacement("bar.start") + found.displacement("bar.end"))[-1]
     assert middle[1] == pytest.approx(0.3, rel=3e-2)
-
-
-def test_steps_end_where_a_load_jumps():
-    """A free bar under a force that is switched is found to the tolerance of parabolas in a few steps."""
-    mass, on, off = SOFT.density * 0.02**2, 0.3071, 1.2303
-    force = [
-        at.Force(end, at.History(lambda t: (0.0, 0.5 * mass if on <= t < off else 0.0), breaks=(on, off)))
-        for end in ("bar.start", "bar.end")
-    ]
-    steps = {"t_end": T_END, "output_dt": 0.1, "integrator": "generalized-alpha"}
-    found = at.solve(bar(loads=force), mesh=1, tolerance=1e-3, **steps)
-    parts = [found.displacement(("bar", fraction)) for fraction in (0.0, 0.5, 1.0)]
-    middle = (parts[0] + 4.0 * parts[1] + parts[2])[:, 1] / 6.0  # Simpson's rule is exact for a cubic
-    speed = off - on
-    exact = np.where(
-        found.t < off, 0.5 * np.maximum(found.t - on, 0.0) ** 2, speed * (found.t - 0.5 * (on + off))
-    )
-    assert np.abs(middle - exact).max() < 1e-8
-    assert np.abs(found.energy.balance).max() < 1e-3 * found.energy.work.max()
 
 
 def test_a_history_that_no_step_can_follow_ends_the_run(monkeypatch):
@@ -181,11 +161,3 @@ def test_a_fixed_step_that_misses_a_push_says_so(road):
     assert status(push(0.2, 0.1), 1e-2).ok  # it breaks at steps
     assert status(push(0.2005, 0.1), 1e-2).ok  # and here by little
     assert status(push(0.2005, 0.001), 5e-5 if integrator == "generalized-alpha" else 1e-4).ok
-
-
-def test_a_fixed_step_that_misses_a_swing_says_so():
-    drive = at.History(swing(0.2012, 0.004, 0.05), breaks=(0.2012, 0.2052))
-    missed = at.solve(driven(drive), mesh=1, dt=1e-2, t_end=0.5).status
-    assert missed == "inaccurate"
-    assert "clamp 'bar.start' angle" in missed.message
-    assert at.solve(driven(at.Quintic(1.0, 0.2003)), mesh=1, dt=1e-2, t_end=0.5).status.ok

@@ -39,7 +39,7 @@ def rest_of(scene, **options):
     [
         {"integrator": "zhai", "dt": 2e-4},
         {"dt": 2e-3},
-        {"dt": 1e-2, "integrator": "esdirk"},
+        {"dt": 2e-3, "integrator": "esdirk"},
         {"tolerance": 1e-3, "integrator": "generalized-alpha"},
     ],
     ids=["explicit", "implicit", "esdirk", "adaptive"],

@@ -9,7 +9,7 @@ from samples import KINDS, SOFT, SQUARE, bar
 from anctmm.model.drives import Pulse
 from anctmm.model.scene import Clamp, Force, Torque
 from anctmm.model.sections import Rectangle
-from anctmm.solve import solve, solve_static
+from anctmm.solve import solve_static
 from reference import exact
 from studies.scenes import END_MOMENT, LENGTH, MATERIAL, SECTION, cantilever_end_moment, cantilever_tip_force
 
@@ -80,19 +80,6 @@ def test_equilibrium_does_not_depend_on_the_load_steps(kind):
         assert np.abs(ends[0] - ends[1]).max() < 1e-9
     half = solve_static(cantilever_tip_force(5.0).scene, mesh=8, element=kind)
     assert np.abs(half.position("beam", 1.0)[-1] - four.position("beam", 1.0)[2]).max() < 1e-9
-
-
-@every_kind
-def test_static_is_where_damped_motion_settles(kind):
-    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
-    rest = solve_static(scene, mesh=4, element=kind)
-    options = {"spectral_radius": 0.0, "dt": 0.2, "t_end": 600.0, "output_dt": 300.0}
-    moved = solve(scene, mesh=4, element=kind, **options)
-    assert moved.status.ok
-    for fraction in (0.4, 1.0):
-        apart = moved.position("bar", fraction)[-1] - rest.position("bar", fraction)[-1]
-        assert np.abs(apart).max() < 1e-9
-    assert np.abs(rest.displacement("bar.end")[-1]).max() > 1e-3
 
 
 def test_drives_and_loads_are_those_of_the_beginning():

@@ -47,14 +47,6 @@ def four_bar(first, *loads):
     return Scene("four-bar", bodies, [first, *pins], loads)
 
 
-@pytest.mark.parametrize("quadrature", QUADRATURES)
-def test_small_tip_load_gives_euler_bernoulli(quadrature):
-    P = 1e-6
-    rest = exudyn_cable.solve_static(cantilever(Force("beam.end", (0.0, -P))), mesh=2, quadrature=quadrature)
-    assert rest.status.ok, rest.status
-    assert rest.position("beam", 1.0)[-1, 1] == pytest.approx(-P * L**3 / (3 * EI), rel=1e-8)
-
-
 def test_reissner_beam_tends_to_timoshenko():
     P, shear = 1e-6, 1e9 / 2.6 * 0.01 * 0.005
     scene = cantilever(Force("beam.end", (0.0, -P)), poisson=0.3)

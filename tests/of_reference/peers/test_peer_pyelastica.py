@@ -162,7 +162,6 @@ def test_what_it_cannot_do_is_unsupported(scene, options, reason):
     ("options", "message"),
     [
         ({"shear_factor": 0.0}, "shear_factor is 0.0; a number greater than 0"),
-        ({"rest": -1.0}, "rest is -1.0; a number greater than 0"),
         ({"load_steps": 0}, "load_steps is 0; a whole number from 1 on"),
     ],
 )

@@ -220,6 +220,7 @@ BREAKERS = [
     (answering(lambda a: replace(a, status=at.Status())), "failure"),
     (forgets_its_history, "failure"),
     (sound, "limits", Offer(lacks={"joints"})),
+    (sound, "limits", Offer(lacks=OWN.lacks | {"drives + varying-loads"})),
     (steps_differently, "integrators"),
     (steps_of_low_order, "high order", Offer(extras={"esdirk"})),
     (moved(lambda p: p + 1e-3, only="second"), "joints"),
@@ -305,11 +306,3 @@ def test_solvers_refuse_what_they_lack(name):
     refused = refuses_what_it_lacks(subject)
     assert [lack for lack in subject.offer.lacks if lack in {*DEMANDS, *RUNS} and lack not in refused] == []
     assert [lack for lack in subject.offer.lacks if " + " in lack and lack not in refused] == []
-
-
-def test_a_combination_that_is_answered_breaks_the_rule(plugged):
-    plugged(sound, rest, Offer(lacks=OWN.lacks | {"drives + varying-loads"}))
-    with pytest.raises(
-        BrokenRule, match=r"lacks 'drives \+ varying-loads' \(clamps that turn, loads that vary"
-    ):
-        refuses_what_it_lacks(Subject("broken", registry.load("broken")))

@@ -10,7 +10,7 @@ from anctmm.results.ended_early import nothing
 from anctmm.results.status import Status
 from studies.engine import provenance
 from studies.engine.runner import Runner, SweepError
-from studies.engine.timing import in_turn, least, settled
+from studies.engine.timing import least, settled
 from studies.engine.trials import Trial
 
 MASS = at.Scene("mass", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
@@ -60,13 +60,6 @@ def test_a_run_is_stored_and_not_done_again(tmp_path):
     assert set(stub.count) == {0.02}
 
 
-def test_without_a_store_nothing_is_stored():
-    one = runner(None)
-    one.solve_many(trials())
-    one.solve_many(trials())
-    assert one.computed == 4
-
-
 def test_runs_of_scenes_with_functions_of_the_users_are_stored_too(tmp_path):
     scenes = [
         replace(MASS, loads=(at.Force("m.center", lambda t, k=k: (k * t, 0.0)),)) for k in (1.0, 2.0, 1.0)
@@ -99,13 +92,6 @@ def test_the_key_has_the_sources_and_the_versions(monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr(provenance, "software", lambda: "another numpy")
     assert one.key(trials()[0]) != key
-
-
-def test_a_damaged_store_is_computed_anew(tmp_path):
-    runner(tmp_path).solve_many(trials())
-    for file in tmp_path.rglob("output.pkl"):
-        file.write_bytes(b"nonsense")
-    assert all(s.status.ok for s in runner(tmp_path).solve_many(trials()))
 
 
 def test_workers_give_the_same_bits(tmp_path):
@@ -182,10 +168,3 @@ def test_of_runs_in_turn_the_least_counts():
 def test_of_a_short_call_the_second_in_a_row_is_taken(short, calls):
     seen = []
     assert settled(lambda: seen.append(None) or len(seen), short) == calls
-
-
-def test_rounds_begin_with_an_unmeasured_one():
-    order = []
-    calls = {name: lambda name=name: order.append(name) or len(order) for name in "ab"}
-    assert in_turn(calls, 2, calls) == {"a": [3, 5], "b": [4, 6]}
-    assert order == list("ababab")

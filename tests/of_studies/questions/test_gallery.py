@@ -3,7 +3,7 @@
 import pytest
 
 from studies.cases import cases_in
-from studies.gallery.page import PAGE, PICTURES, SCENES, picture, scenes, section, solved
+from studies.gallery.page import PAGE, PICTURES, SCENES, scenes, section, solved
 
 EVERY = scenes()
 PAGE_TEXT = PAGE.read_text(encoding="utf-8")
@@ -24,4 +24,3 @@ def test_a_scene_gives_the_value_that_is_known(name):
     title, _, rest = section(name, EVERY[name], found).partition("\n")
     assert title in PAGE_TEXT
     assert rest.rpartition("; known: ")[2].strip() in PAGE_TEXT
-    assert picture(EVERY[name], found).axes

@@ -83,14 +83,10 @@ def test_a_static_case_and_one_that_rests_are_refused():
 
 
 def test_a_study_of_which_all_runs_fail_says_why():
-    def law(length, rate, t):
-        return float("nan") if t > 0.0 else 0.0
-
-    mass = at.PointMass("m", 1.0, (1.0, 0.0))
-    scene = at.Scene("odd", [mass], [], connectors=[at.Spring("m.center", (0.0, 0.0), law=law)])
-    found = run(
-        Options(quick=True, cases=(at.Case(scene, ["m.center"], t_end=0.1),), solvers=("anctmm",)), Runner()
-    )
+    spring = at.Spring("m.center", (0.0, 0.0), law=lambda length, rate, t: float("nan") if t > 0.0 else 0.0)
+    scene = at.Scene("odd", [at.PointMass("m", 1.0, (1.0, 0.0))], connectors=[spring])
+    case = at.Case(scene, ["m.center"], t_end=0.1)
+    found = run(Options(quick=True, cases=(case,), solvers=("anctmm",)), Runner())
     assert not found.good
     assert any("law" in finding for finding in found.findings)
 

@@ -14,7 +14,7 @@ from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Result, StudyError
 from studies.engine.tables import Table, for_people, write_table
 from studies.report.page import html, page
-from studies.report.plots import picture, solver_colour
+from studies.report.plots import look_of, picture
 from studies.report.whole import Done, defaults, join, run_study, write_report
 
 FRAME = pd.DataFrame({
@@ -68,8 +68,8 @@ def test_tables_have_their_commit(tmp_path):
 def test_pictures_are_reproducible_and_solvers_have_one_colour():
     one, other = (made().pictures[0].svg for _ in range(2))
     assert one == other
-    assert solver_colour("anctmm") != solver_colour("global-dae")
-    assert solver_colour("mine") == solver_colour("mine")
+    assert look_of("anctmm") != look_of("global-dae")
+    assert look_of("mine") == look_of("mine")
 
 
 def test_a_study_that_fits_no_case_is_refused():
