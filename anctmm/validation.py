@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 LARGEST, SMALLEST = 1e100, 1e-100
 #: Sizes of lengths and places, m.
 LONGEST, SHORTEST = 1e15, 1e-15
-#: Characters of a name.
-NAME = 100
+#: Characters of a name, and things of one kind, at most.
+NAME, MANY = 100, 1_000_000
 
 
 class FrozenMapping(dict[str, Any]):
@@ -103,37 +103,33 @@ def flag(name: str, value: object, error: type[AnctmmError] = PropertyError) -> 
     return bool(value)
 
 
-def text(name: str, value: object, error: type[AnctmmError] = PropertyError) -> str:
-    """Return `value` as a plain string that can name something, or raise `error`."""
+def text(name: str, value: object) -> str:
+    """Return `value` as a plain string that can name something, or raise PropertyError."""
     if not isinstance(value, str) or not (
         0 < len(value) <= NAME and value.isprintable() and value == value.strip()
     ):
-        raise error(
+        raise PropertyError(
             f"{name} is {shown(value)}; a non-empty string of at most {NAME} printable characters is needed, with no "
             f"space before or behind"
         )
     return str.__str__(value)
 
 
-def vector(
-    name: str,
-    value: object,
-    error: type[AnctmmError] = PropertyError,
-    high: float = LARGEST,
-    dims: Sequence[int] = (2,),
-) -> tuple[float, ...]:
-    """Return `value` as a tuple of finite floats of size `high` at most, or raise `error`.
+def vector(name: str, value: object, high: float = LARGEST, dims: Sequence[int] = (2,)) -> tuple[float, ...]:
+    """Return `value` as a tuple of finite floats of size `high` at most, or raise PropertyError.
 
     dims: numbers of components that are allowed, 2 or 3.
     """
     if not has_length(value, dims):
         needed = "a pair (x, y)" if 2 in dims else "a triple (x, y, z)"
         space = ", or a triple (x, y, z) in space," if len(dims) == 2 else ""
-        raise error(f"{name} is {shown(value)}; {needed}{space} of finite numbers in a known order is needed")
+        raise PropertyError(
+            f"{name} is {shown(value)}; {needed}{space} of finite numbers in a known order is needed"
+        )
     given: Any = value
-    found = tuple(number(f"{name}, {axis}", x, error) for axis, x in zip("xyz", given, strict=False))
+    found = tuple(number(f"{name}, {axis}", x) for axis, x in zip("xyz", given, strict=False))
     if max(map(abs, found)) > high:
-        raise error(f"{name} is {shown(value)}; numbers from -{high:g} to {high:g} are needed")
+        raise PropertyError(f"{name} is {shown(value)}; numbers from -{high:g} to {high:g} are needed")
     return found
 
 
@@ -145,9 +141,9 @@ def is_point(value: object) -> bool:
     return all(isinstance(x, Real) and not isinstance(x, bool) for x in given)
 
 
-def point(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, ...]:
+def point(name: str, value: object) -> tuple[float, ...]:
     """Return a point of the plane or of space as a tuple of floats, no further than LONGEST from the origin."""
-    return vector(name, value, error, LONGEST, (2, 3))
+    return vector(name, value, LONGEST, (2, 3))
 
 
 def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
@@ -165,16 +161,26 @@ def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
     return plain
 
 
-def answer_of(
-    name: str, function: Callable[[Any], Any], argument: float, error: type[AnctmmError] = PropertyError
-) -> Any:
-    """The value of a user's function for one argument; whatever it raises becomes `error`, with its message."""
+def answer_of(what: str, function: Callable[..., Any], *arguments: float, count: int) -> Array:
+    """Numbers that a user's function answers, (count,).
+
+    Raises
+    ------
+    PropertyError
+        If it raises, or answers with something else than so many finite numbers; `what` names it and its arguments.
+    """
+    needed = f"{'one finite number is' if count == 1 else f'{count} finite numbers are'} needed"
     try:
-        return function(argument)
+        answer = function(*arguments)
     except (Exception, SystemExit) as raised:  # a user's function may do anything
-        raise error(
-            f"{name} at {argument!r} raises {reason(raised)}; a function of one number is needed"
-        ) from raised
+        raise PropertyError(f"{what} raises {reason(raised)}; {needed}") from raised
+    try:
+        found = reals(answer).reshape(count)
+    except (TypeError, ValueError):
+        found = np.full(count, np.nan)
+    if not (np.abs(found) <= LARGEST).all():
+        raise PropertyError(f"{what} gives {shown(answer)}; {needed}, of size {LARGEST:g} at most")
+    return found
 
 
 def reals(value: Any) -> Array:
@@ -217,11 +223,11 @@ def has_length(value: object, lengths: Sequence[int]) -> bool:
     return len(value) in lengths
 
 
-def several(what: str, things: object, most: int, needed: str, error: type[AnctmmError]) -> list[Any]:
-    """Things of an ordered iterable as a list; the error names what they are and what is needed."""
+def several(what: str, things: object, needed: str, error: type[AnctmmError]) -> list[Any]:
+    """Things of an ordered iterable that ends, as a list; the error names what they are and what is needed."""
     if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
         raise error(f"{what} {shown(things)}; {needed}")
-    found = list(islice(things, most + 1))
-    if len(found) > most:
-        raise error(f"{what} {shown(things)} of more than {most} things; {needed}, and {most} at most")
+    found = list(islice(things, MANY + 1))
+    if len(found) > MANY:
+        raise error(f"{what} {shown(things)} of more than {MANY} things; {needed}, and {MANY} at most")
     return found

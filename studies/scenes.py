@@ -4,8 +4,9 @@ from itertools import pairwise
 from math import pi, sqrt
 
 import anctmm as at
+from anctmm.model.bodies import distance
 from anctmm.model.case import Case
-from anctmm.model.scene import Joint, Load, Point, Probe, distance
+from anctmm.model.scene import Joint, Load, Point, Probe
 
 PAPER = "Rong (2014), Multibody Syst. Dyn., doi:10.1007/s11044-013-9402-7, Table 1"
 

@@ -17,9 +17,7 @@ from anctmm.errors import (
     StepError,
     UnsupportedError,
     listed,
-    reason,
     shown,
-    unknown_option,
 )
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, within
@@ -27,8 +25,6 @@ from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, with
 INTEGRATORS = tuple(METHODS)
 #: Elements of a body at most: sparse matrices number their rows by 32 bits.
 MOST = 2**31 - 1
-#: Equal parts of a load at most: an equilibrium is kept of each.
-MOST_LOAD_STEPS = 1_000_000
 #: Steps of a run at most: whole numbers up to here are exact as floats.
 MOST_STEPS = 2.0**53
 
@@ -106,9 +102,9 @@ class Discretisation:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        for name, check in (("mesh", _elements), ("element", _element)):
-            if name != "mesh" or self.mesh is not None:
-                set_(self, name, _by_body(name, getattr(self, name), check))
+        if self.mesh is not None:
+            set_(self, "mesh", _by_body("mesh", self.mesh, lambda name, n: whole(name, n, MOST, MeshError)))
+        set_(self, "element", _by_body("element", self.element, lambda name, kind: kind_of(kind, name).name))
         set_(self, "quadrature", one_of("quadrature", self.quadrature, QUADRATURES))
         if isinstance(self.integrator, Method):
             self._take(self.integrator)
@@ -136,11 +132,7 @@ class Discretisation:
             set_(self, "stride", 1)
 
     def _usual(self) -> str:
-        """Name of the integrator where none is given.
-
-        With a tolerance it is of fourth order: of the seventeen moving scenes of the suite it takes less work for the
-        same error in most runs, and it keeps the tolerance in more of those drawn at random (`tolerance.md`).
-        """
+        """Name of the integrator where none is given; with a tolerance, of fourth order, which takes less work."""
         damped = self.spectral_radius != GeneralizedAlpha.spectral_radius
         return GeneralizedAlpha.name if self.tolerance is None or damped else Esdirk.name
 
@@ -161,12 +153,12 @@ class Discretisation:
     @cached_property
     def method(self) -> Method:
         """The integrator with its parameters."""
-        return self._made(_method(self.integrator))
+        return self._made(METHODS[self.integrator])
 
     @property
     def explicit(self) -> bool:
         """Whether steps are explicit: bound by stability, and without iteration."""
-        return _method(self.integrator).explicit
+        return METHODS[self.integrator].explicit
 
     def _interval(self) -> float:
         """With a tolerance, the interval of the output, s: `steps` then counts intervals."""
@@ -234,44 +226,39 @@ class Discretisation:
         for name, (elements, kind) in cut.items():
             if kind_of(kind, f"element of body {name!r}").rigid and elements != 1:
                 raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
-        if any(not kind_of(kind).jointed_inside for _, kind in cut.values()):
-            _refuse_inside(scene, cut)
+        _refuse_inside(scene, cut)
         return cut
 
 
 def _refuse_inside(scene: Scene, cut: Mapping[str, tuple[int, str]]) -> None:
     """Refuse joints between the ends of beams whose elements need them at an end."""
-    for joint in scene.joints:
-        for place in map(scene.place, joint.ends):
-            if not place.interior or place.body.name not in cut:
-                continue
-            kind = kind_of(cut[place.body.name][1])
-            if not kind.jointed_inside:
-                raise UnsupportedError(
-                    f"{shown(joint)} acts at {place}, between the ends of a beam of element {kind.name!r}, whose "
-                    f"second derivative is continuous there; two beams welded to each other there are needed, or "
-                    f"another element"
-                )
+    places = [(joint, scene.place(end)) for joint in scene.joints for end in joint.places]
+    for joint, place in places:
+        if place.interior and not (kind := kind_of(cut[place.body.name][1])).jointed_inside:
+            raise UnsupportedError(
+                f"{shown(joint)} acts at {place}, between the ends of a beam of element {kind.name!r}, whose second "
+                f"derivative is continuous there; two beams welded to each other there are needed, or another element"
+            )
 
 
 def discretise(
     run: Discretisation | None, options: dict[str, Any], *, fixed_step: bool = True
 ) -> Discretisation:
-    """A discretisation given whole, or as keywords.
-
-    Parameters
-    ----------
-    run : Discretisation or None
-    options : dict
-    fixed_step : bool
-        Whether the calling solver has fixed steps only.
+    """A discretisation given whole, or as keywords; `fixed_step`: whether the calling solver has fixed steps only.
 
     Raises
     ------
     DiscretisationError
-        If both or neither are given, or a keyword is unknown, or a tolerance is given to a solver of fixed step.
+        If both are given, or a keyword is unknown, or a tolerance is given to a solver of fixed step.
     """
-    run = _whole(run, options)
+    allowed = [f.name for f in fields(Discretisation) if f.init]
+    if run is not None and (options or type(run) is not Discretisation):
+        raise DiscretisationError(
+            f"run is {shown(run)} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
+        )
+    if unknown := sorted(set(options) - set(allowed)):
+        raise DiscretisationError(f"option {unknown[0]!r} is unknown; allowed are {', '.join(allowed)}")
+    run = run or Discretisation(**options)
     if fixed_step and run.tolerance is not None:
         raise StepError(
             f"tolerance is {run.tolerance!r}, but this solver does not choose its steps; a fixed dt, or none for "
@@ -280,68 +267,20 @@ def discretise(
     return run
 
 
-def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisation:
-    if run is not None:
-        if options or type(run) is not Discretisation:
-            raise DiscretisationError(
-                f"run is {shown(run)} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
-            )
-        return run
-    allowed = [f.name for f in fields(Discretisation) if f.init]
-    unknown = sorted(set(options) - set(allowed))
-    if unknown:
-        raise DiscretisationError(f"option {unknown[0]!r} is unknown; allowed are {', '.join(allowed)}")
-    return Discretisation(**options)
-
-
 def parts_of_load(load_steps: object) -> int:
-    """Return a number of load steps, or refuse it.
-
-    Raises
-    ------
-    DiscretisationError
-        If it is no whole number from 1 on, or too many.
-    """
-    return whole("load_steps", load_steps, MOST_LOAD_STEPS, DiscretisationError)
+    """Return a number of load steps, a whole number from 1 on, or refuse it by a DiscretisationError."""
+    return whole("load_steps", load_steps, 1_000_000, DiscretisationError)
 
 
-def _by_body(what: str, value: Any, check: Callable[[str, Any, Any], Any]) -> Any:
+def _by_body(what: str, value: Any, check: Callable[[str, Any], Any]) -> Any:
     """One value, or one for each of some bodies, checked."""
     if not isinstance(value, Mapping):
-        return check(what, value, value)
-    try:
-        items = list(value.items())
-    except Exception as error:  # a mapping of the user's own
+        return check(what, value)
+    if strange := [name for name in value if not isinstance(name, str)]:
         raise MeshError(
-            f"{what} is {shown(value)}, which raises {reason(error)}; a mapping of body names is needed"
-        ) from error
-    found: dict[str, Any] = {}
-    for name, one in items:
-        if not isinstance(name, str):
-            raise MeshError(f"{what} is {shown(value)}; names of bodies are needed in place of {shown(name)}")
-        found[str.__str__(name)] = check(what, value, one)
-    return FrozenMapping(found)
-
-
-def _elements(what: str, value: Any, count: Any) -> int:
-    """A number of elements; `value` is all that is given."""
-    try:
-        return whole(what, count, MOST, MeshError)
-    except MeshError:
-        raise MeshError(
-            f"{what} is {shown(value)}; whole numbers of elements from 1 on are needed, at most {MOST}"
-        ) from None
-
-
-def _element(what: str, value: Any, kind: Any) -> str:
-    return kind_of(kind, what).name
-
-
-def _method(name: str) -> type[Method]:
-    """The method of a name, also of one that was put in past the checks."""
-    if name not in METHODS:
-        raise unknown_option("integrator", name, INTEGRATORS)
-    return METHODS[name]
+            f"{what} is {shown(value)}; names of bodies are needed in place of {shown(strange[0])}"
+        )
+    return FrozenMapping({name: check(f"{what} of body {name!r}", one) for name, one in value.items()})
 
 
 def _pick(value: Any, name: str) -> Any:

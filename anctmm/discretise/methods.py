@@ -37,10 +37,8 @@ class Zhai:
     order: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
-        for parameter in ("psi", "phi"):
-            object.__setattr__(
-                self, parameter, number(parameter, getattr(self, parameter), DiscretisationError)
-            )
+        object.__setattr__(self, "psi", number("psi", self.psi, DiscretisationError))
+        object.__setattr__(self, "phi", number("phi", self.phi, DiscretisationError))
 
 
 @dataclass(frozen=True)
@@ -99,8 +97,8 @@ class GeneralizedAlpha:
 class Coefficients(NamedTuple):
     """Step h (s), αm, αf, β, γ, and what a correction x adds: to_w x to w, to_q x to q.
 
-    Newton's matrix is to_w M + to_q K_T. `level` is the time
-    derivative of the constraints that Newton's iteration enforces: 0 (positions) or 2 (accelerations).
+    Newton's matrix is to_w M + to_q K_T. `level` is the time derivative of the constraints that Newton's iteration
+    enforces: 0 (positions) or 2 (accelerations).
     """
 
     h: float
@@ -138,7 +136,6 @@ class Stages(NamedTuple):
     c: NDArray[np.float64]
 
 
-_DIAGONAL = Fraction(1, 4)
 _STAGES = (
     (),
     ("1/4",),
@@ -155,7 +152,7 @@ def stages() -> Stages:
     A = np.zeros((len(_STAGES), len(_STAGES)))
     for i, row in enumerate(_STAGES):
         A[i, :i] = [float(Fraction(x)) for x in row]
-        A[i, i] = float(_DIAGONAL) if row else 0.0
+        A[i, i] = 0.25 if row else 0.0
     return Stages(A, A @ A, np.array([0.0, 1 / 2, 83 / 250, 31 / 50, 17 / 20, 1.0]))
 
 

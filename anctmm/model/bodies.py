@@ -4,15 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, dist
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, shown
-from anctmm.model.accepted import BodyKind, PairLike
+from anctmm.model.accepted import BodyKind, Point
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.model.sections import Section
-from anctmm.model.velocities import Point, size_of, slope_of
+from anctmm.model.sections import Circle, Section
+from anctmm.model.velocities import size_of, slope_of
 from anctmm.validation import (
     LONGEST,
     SHORTEST,
@@ -25,20 +25,9 @@ from anctmm.validation import (
     within,
 )
 
-#: Error of a velocity's slope, of the velocity, from which on it has none.
-UNSURE = 1e-4
-#: Stiffnesses and masses of a body: their squares, in sums over many elements, are numbers still.
-LEAST, MOST = 1e-100, 1e100
-
 
 def distance(a: Point, b: Point) -> float:
-    """Distance of two points, m.
-
-    Raises
-    ------
-    PropertyError
-        If one of them is no pair or triple of finite numbers, or they differ in that.
-    """
+    """Distance of two points, m; PropertyError unless they are two pairs, or two triples, of finite numbers."""
     one, two = vector("distance from (m)", a, dims=(2, 3)), vector("distance to (m)", b, dims=(2, 3))
     if len(one) != len(two):
         raise PropertyError(f"distance from {shown(a)} to {shown(b)}; as many numbers in both are needed")
@@ -116,18 +105,6 @@ class Beam(BodyKind):
     material: Material
     velocity: Callable[[float], Point] | None = None
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            name: str,
-            start: PairLike,
-            end: PairLike,
-            section: Section,
-            material: Material,
-            velocity: Callable[[float], PairLike] | None = None,
-        ) -> None: ...
-
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         set_(self, "name", text("beam name", self.name))
@@ -142,16 +119,16 @@ class Beam(BodyKind):
                 raise PropertyError(f"{what} is {shown(thing)}; a {kind.__name__} is needed")
         if self.velocity is not None and not callable(self.velocity):
             raise PropertyError(
-                f"beam {self.name!r} velocity is {shown(self.velocity)}; "
-                f"None or a callable fraction -> (vx, vy) is allowed"
-            )
-        if self.length == 0.0:
-            raise DegenerateBodyError(
-                f"beam {self.name!r} has length 0: start and end are both {self.start!r}; "
-                f"two distinct points are needed"
+                f"beam {self.name!r} velocity is {shown(self.velocity)}; a callable fraction -> (vx, vy) is needed"
             )
         positive(f"beam {self.name!r} length (m)", self.length, DegenerateBodyError, SHORTEST, LONGEST)
         self._check_sizes()
+
+    def misfit(self, scene: Any) -> str:
+        if scene.dim == 3 and not isinstance(self.section, Circle):
+            return "has another section than a Circle, which alone is offered in space"
+        damped = scene.dim == 3 and self.material.damping > 0.0
+        return f"has damping {self.material.damping!r} s; 0 is needed in space" if damped else ""
 
     @property
     def length(self) -> float:
@@ -195,34 +172,18 @@ class Beam(BodyKind):
         return tuple(a + fraction * (b - a) for a, b in zip(self.start, self.end, strict=True))
 
     def velocity_at(self, fraction: float) -> Point:
-        """Initial velocity at a fraction of the length, m/s.
-
-        Raises
-        ------
-        PropertyError
-            If the callable raises, or answers with another thing than a pair of finite numbers.
-        """
+        """Initial velocity at a fraction of the length, m/s; PropertyError if the callable does not give one."""
         if self.velocity is None:
             return (0.0,) * self.dim
-        name = f"beam {self.name!r} velocity"
-        return vector(
-            f"{name} at fraction {fraction!r} (m/s)",
-            answer_of(f"{name}, a function,", self.velocity, fraction),
-            dims=(self.dim,),
-        )
+        what = f"beam {self.name!r} velocity (m/s) at fraction {fraction!r}"
+        return tuple(answer_of(what, self.velocity, fraction, count=self.dim).tolist())
 
     def velocity_slope_at(self, fraction: float) -> Point:
-        """Derivative of the initial velocity by the fraction of the length, m/s.
-
-        Raises
-        ------
-        PropertyError
-            If the velocity has none there.
-        """
+        """Derivative of the initial velocity by the fraction of the length, m/s; PropertyError if there is none."""
         if self.velocity is None:
             return (0.0,) * self.dim
         slope, error = slope_of(self.velocity_at, fraction, self.speed)
-        if not error <= UNSURE * max(self.speed, *np.abs(slope)):
+        if not error <= 1e-4 * max(self.speed, *np.abs(slope)):
             raise PropertyError(
                 f"beam {self.name!r} velocity has no slope at fraction {fraction!r} (differences give "
                 f"{slope.tolist()!r} m/s, known to {error:.2g}); a smooth function is needed"
@@ -242,10 +203,7 @@ class Beam(BodyKind):
             "EA (N)": E * A, "EI (N m²)": E * I, "EJ (N m⁴)": E * J, "EA/length (N/m)": E * A / L,
             "EI/length³ (N/m)": E * I / L**3, "mass (kg)": rho * A * L, "rotary inertia (kg m²)": rho * I * L,
         }.items():  # fmt: skip
-            if not LEAST <= value <= MOST:
-                raise PropertyError(
-                    f"beam {self.name!r} has {name} {value:g}; a number from {LEAST:g} to {MOST:g} is needed"
-                )
+            positive(f"beam {self.name!r} {name}", value)
 
 
 Body = Beam | RigidBody | PointMass
@@ -254,16 +212,9 @@ BODIES = (Beam, RigidBody, PointMass)
 
 
 def beam_of(body: Body) -> Beam:
-    """Return a beam, for what knows beams only.
-
-    Raises
-    ------
-    UnknownKindError
-        If the body is of another kind.
-    """
+    """Return a beam, for what knows beams only; UnknownKindError for a body of another kind."""
     if not isinstance(body, Beam):
         raise UnknownKindError(
-            f"body {body.name!r} is a {type(body).__name__}; a Beam is needed here, which alone has ends, a length "
-            f"and elements"
+            f"body {body.name!r} is a {type(body).__name__}; a Beam, which alone has ends and elements, is needed here"
         )
     return body

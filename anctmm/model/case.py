@@ -1,20 +1,12 @@
 """A scene with the data that studies need: probes, length and output interval."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from anctmm.errors import CaseError, shown
 from anctmm.model.places import written
 from anctmm.model.scene import Probe, Scene, checked_scene
 from anctmm.validation import positive, several
-
-#: Parts of a motion after which histories are compared, where the case does not say.
-OUTPUTS = 100
-#: Largest number of probes: an infinite iterable is refused.
-MOST_PROBES = 1000
-#: Characters of a note.
-LONGEST_NOTE = 10_000
 
 
 @dataclass(frozen=True)
@@ -53,43 +45,35 @@ class Case:
     """
 
     scene: Scene
-    probes: tuple[Probe, ...]
+    probes: Sequence[Probe]
     t_end: float | None
     output_dt: float | None = None
     note: str = ""
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            scene: Scene,
-            probes: Iterable[Probe],
-            t_end: float | None,
-            output_dt: float | None = None,
-            note: str = "",
-        ) -> None: ...
-
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         checked_scene(self.scene)
-        set_(self, "probes", _probes(self.scene, self.probes))
-        if not isinstance(self.note, str) or len(self.note) > LONGEST_NOTE:
-            raise CaseError(
-                f"{self._what} has note {shown(self.note)}; a text of at most {LONGEST_NOTE} characters is needed"
-            )
-        set_(self, "note", str.__str__(self.note))
+        what = f"case of scene {self.scene.name!r}"
+        set_(self, "probes", _probes(self.scene, f"{what} has probes", self.probes))
+        if not isinstance(self.note, str):
+            raise CaseError(f"{what} has note {shown(self.note)}; a text is needed")
         if self.t_end is None:
             if self.output_dt is not None:
                 raise CaseError(
-                    f"{self._what} has output_dt {shown(self.output_dt)} without t_end; "
-                    f"a static equilibrium has no times: None is needed"
+                    f"{what} has output_dt {shown(self.output_dt)} without t_end; a static equilibrium has no times"
                 )
             return
-        set_(self, "t_end", positive(f"{self._what}, t_end (s),", self.t_end, CaseError))
-        if self.output_dt is None:
-            set_(self, "output_dt", self.t_end / OUTPUTS)
-        set_(self, "output_dt", positive(f"{self._what}, output_dt (s),", self.output_dt, CaseError))
-        self._check_outputs()
+        t_end = positive(f"{what}, t_end (s),", self.t_end, CaseError)
+        each = t_end / 100 if self.output_dt is None else self.output_dt
+        each = positive(f"{what}, output_dt (s),", each, CaseError)
+        count = max(round(t_end / each), 1)
+        if abs(t_end / each - count) > 1e-6:
+            raise CaseError(
+                f"{what} has t_end {t_end!r} s, which is no whole number of output_dt {each!r} s; such as "
+                f"{t_end / count!r} is needed"
+            )
+        set_(self, "t_end", t_end)
+        set_(self, "output_dt", each)
 
     @property
     def name(self) -> str:
@@ -111,33 +95,15 @@ class Case:
         """Interval of the compared histories, s; zero for statics."""
         return self.output_dt or 0.0
 
-    @property
-    def _what(self) -> str:
-        return f"case of scene {self.scene.name!r}"
 
-    def _check_outputs(self) -> None:
-        """Refuse a motion that is no whole number of intervals."""
-        ratio = self.duration / self.interval
-        count = max(round(ratio), 1)
-        if abs(ratio - count) > 1e-6:
-            raise CaseError(
-                f"{self._what} has t_end {self.t_end!r} s, which is no whole number of output_dt {self.output_dt!r} s; "
-                f"such as {self.duration / count!r} is needed"
-            )
-
-
-def _probes(scene: Scene, given: object) -> tuple[Probe, ...]:
+def _probes(scene: Scene, what: str, given: object) -> tuple[Probe, ...]:
     """Places of a scene, one or more, none twice."""
     needed = "a list of at least one place of the scene is needed, such as ['body.end', ('body', 0.5)]"
-    what = f"case of scene {scene.name!r} has probes"
-    found = several(what, given, MOST_PROBES, needed, CaseError)
-    if not found:
+    probes = tuple(map(written, several(what, given, needed, CaseError)))
+    if not probes:
         raise CaseError(f"{what} []; {needed}")
-    probes = tuple(map(written, found))
     places = [scene.probe(probe) for probe in probes]
     for k, place in enumerate(places):
         if place in places[:k]:
-            raise CaseError(
-                f"case of scene {scene.name!r} has probe {shown(probes[k])} twice; once is allowed"
-            )
+            raise CaseError(f"{what} {shown(probes[k])} twice; once is allowed")
     return probes

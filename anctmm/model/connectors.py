@@ -7,27 +7,83 @@ together; the moment of a rotational spring is M = k (φ − φ₀) + c (φ' −
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import dist
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, ClassVar, final
 
-from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, reason, shown
-from anctmm.model.accepted import ConnectorKind, PairLike
+from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, shown
+from anctmm.model.accepted import ConnectorKind, Point
 from anctmm.model.drives import breaks_of, value_at
-from anctmm.model.places import Graph, Place, Written, place_text, written
+from anctmm.model.places import Place, Written, place_text, written
 from anctmm.model.rigid_bodies import RigidBody
-from anctmm.model.velocities import Point
-from anctmm.validation import has_length, not_negative, number, point, reals
+from anctmm.validation import answer_of, has_length, not_negative, number, point
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
+
 
 Pair = Callable[[Any], tuple[Any, Any]]
 """t (s) → a value and its rate."""
 Law = Callable[[float, float, float], float]
 """(elongation, its rate, t) → the force or moment that works against it."""
-#: Distance of a spring's places, of the sizes of their coordinates, that counts as none.
-NEAR = 1e-14
+
+
+class _Connecting(ConnectorKind):
+    """What all connectors are: places, coefficients or a law, and a free value, whose name and units each kind says."""
+
+    called: ClassVar[str]
+    free_name: ClassVar[str]
+    units: ClassVar[tuple[str, str, str]]
+    first: Written
+    second: Any
+    law: Law | None
+
+    @property
+    def features(self) -> dict[str, bool]:
+        return {
+            f"{self.called.replace(' ', '-')}s": True,
+            "driven-springs": callable(self.free),
+            "laws": self.law is not None,
+        }
+
+    @property
+    def free(self) -> Any:
+        """Its free length or angle."""
+        return getattr(self, self.free_name)
+
+    @property
+    def ground(self) -> Point | None:
+        """The point of the ground that it is fixed to."""
+        return self.second if _is_point(self.second) else None
+
+    @property
+    def places(self) -> tuple[Written, ...]:
+        """Places of bodies that it acts on."""
+        return (self.first,) if self.second is None or self.ground is not None else (self.first, self.second)
+
+    def _check(self) -> None:
+        """Check and keep its places and coefficients."""
+        set_, law = object.__setattr__, self.law
+        set_(self, "first", written(self.first))
+        if isinstance(self, Spring) and self.ground is not None:
+            set_(self, "second", point("spring's point of the ground (m)", self.second))
+        elif self.second is not None or isinstance(self, Spring):
+            set_(self, "second", written(self.second))
+        name, given = name_of(self), []
+        for what, unit in zip(("stiffness", "damping", "preload"), self.units, strict=True):
+            check = number if what == "preload" else not_negative
+            set_(self, what, check(f"{name} {what} ({unit})", getattr(self, what)))
+            given += [what] if getattr(self, what) else []
+        if law is not None and not callable(law):
+            raise PropertyError(
+                f"{name} law is {shown(law)}; a callable (elongation, rate, t) -> number is needed"
+            )
+        if (law is None) == (not given):
+            has = f"a law beside {' and '.join(given)}" if given else "no stiffness, damping, preload or law"
+            raise PropertyError(f"{name} has {has}; a law alone, or one or more of the others, is needed")
 
 
 @final
 @dataclass(frozen=True)
-class Spring(ConnectorKind):
+class Spring(_Connecting):
     """A spring and damper between two places, or between a place and a point of the ground.
 
     Parameters
@@ -53,6 +109,8 @@ class Spring(ConnectorKind):
         If a value is of another kind or out of its range, or no stiffness, damping, preload or law is given.
     """
 
+    in_space = True
+    called, free_name, units = "spring", "length", ("N/m", "N s/m", "N")
     first: Written
     second: Written | Point
     stiffness: float = 0.0
@@ -61,47 +119,16 @@ class Spring(ConnectorKind):
     law: Law | None = None
     preload: float = 0.0
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            first: Written,
-            second: Written | PairLike,
-            stiffness: float = ...,
-            damping: float = ...,
-            length: float | Pair | None = None,
-            law: Law | None = None,
-            preload: float = ...,
-        ) -> None: ...
-
     def __post_init__(self) -> None:
-        set_ = object.__setattr__
-        set_(self, "first", written(self.first))
-        set_(self, "second", _place_or_point(self.second))
-        _check_coefficients(self, "N/m", "N s/m", "N")
+        self._check()
         if self.length is not None and not callable(self.length):
-            set_(self, "length", not_negative(f"{name_of(self)} length (m)", self.length))
-
-    @property
-    def free(self) -> float | Pair | None:
-        """Its free length."""
-        return self.length
-
-    @property
-    def places(self) -> tuple[Written, ...]:
-        """Places of bodies that it acts on."""
-        return (self.first,) if self.ground is not None else (self.first, self.second)  # type: ignore[return-value]
-
-    @property
-    def ground(self) -> Point | None:
-        """The point of the ground that it is fixed to."""
-        pair: Any = self.second
-        return None if isinstance(pair, str) or isinstance(pair[0], str) else pair
+            length = not_negative(f"{name_of(self)} length (m)", self.length)
+            object.__setattr__(self, "length", length)
 
 
 @final
 @dataclass(frozen=True)
-class RotationalSpring(ConnectorKind):
+class RotationalSpring(_Connecting):
     """A rotational spring and damper between two places, or between a place and the ground.
 
     Parameters
@@ -127,6 +154,7 @@ class RotationalSpring(ConnectorKind):
         If a value is of another kind or out of its range, or no stiffness, damping, preload or law is given.
     """
 
+    called, free_name, units = "rotational spring", "angle", ("N m/rad", "N m s/rad", "N m")
     first: Written
     second: Written | None = None
     stiffness: float = 0.0
@@ -136,23 +164,9 @@ class RotationalSpring(ConnectorKind):
     preload: float = 0.0
 
     def __post_init__(self) -> None:
-        set_ = object.__setattr__
-        set_(self, "first", written(self.first))
-        if self.second is not None:
-            set_(self, "second", written(self.second))
-        _check_coefficients(self, "N m/rad", "N m s/rad", "N m")
+        self._check()
         if not callable(self.angle):
-            set_(self, "angle", number(f"{name_of(self)} angle (rad)", self.angle))
-
-    @property
-    def free(self) -> float | Pair | None:
-        """Its free angle."""
-        return self.angle
-
-    @property
-    def places(self) -> tuple[Written, ...]:
-        """Places of bodies that it acts on."""
-        return (self.first,) if self.second is None else (self.first, self.second)
+            object.__setattr__(self, "angle", number(f"{name_of(self)} angle (rad)", self.angle))
 
 
 Connector = Spring | RotationalSpring
@@ -160,19 +174,18 @@ Connector = Spring | RotationalSpring
 CONNECTORS = (Spring, RotationalSpring)
 
 
-def name_of(connector: Connector) -> str:
+def name_of(connector: Any) -> str:
     """A connector as messages name it."""
-    kind = "spring" if isinstance(connector, Spring) else "rotational spring"
-    to = "the ground" if connector.second is None else _end_text(connector.second)
-    return f"{kind} from {place_text(connector.first)} to {to}"
+    to = "the ground" if connector.second is None else f"the point {connector.second!r}"
+    if len(connector.places) == 2:
+        to = place_text(connector.second)
+    return f"{connector.called} from {place_text(connector.first)} to {to}"
 
 
-def ends_of(scene: Graph, connector: Connector) -> tuple[Place, Place | Point | None]:
+def ends_of(scene: "Scene", connector: Connector) -> tuple[Place, Place | Point | None]:
     """Both ends of a connector: places, or a point of the ground, or, of a rotational spring, the ground."""
-    second: Any = connector.second
-    if second is not None and (isinstance(connector, RotationalSpring) or connector.ground is None):
-        second = scene.place(second)
-    return scene.place(connector.first), second
+    first, *second = map(scene.place, connector.places)
+    return first, second[0] if second else connector.ground
 
 
 def free_of(connector: Connector, reference: float, time: float) -> tuple[float, float]:
@@ -186,56 +199,35 @@ def free_of(connector: Connector, reference: float, time: float) -> tuple[float,
 
 def free_name(connector: Connector) -> str:
     """What the free value of a connector is called."""
-    return "length" if isinstance(connector, Spring) else "angle"
+    return connector.free_name
 
 
-def check_connector(scene: Graph, connector: Connector) -> None:
-    """Refuse a connector that does not fit the scene, or whose functions give nothing at t = 0.
-
-    Raises
-    ------
-    UnknownNameError
-        If a place is not of the scene.
-    UnknownKindError
-        If a rotational spring acts on a place that has no direction.
-    RepeatedJointError
-        If both places are one, or of one rigid body.
-    PropertyError
-        If a spring has no direction, or a function gives no finite numbers at t = 0.
-    """
+def check_connector(scene: "Scene", connector: Connector) -> None:
+    """Refuse a connector that does not fit the scene, or whose functions give nothing at t = 0."""
     first, second = ends_of(scene, connector)
-    _check_apart(connector, first, second)
-    start = 0.0
-    if isinstance(connector, Spring):
-        p = first.position
-        q = second.position if isinstance(second, Place) else second
-        assert q is not None  # a spring has a place or a point there
-        start = dist(p, q)
-        if start <= NEAR * max(map(abs, (*p, *q))):
-            raise PropertyError(
-                f"{name_of(connector)} joins places at one point {p!r}; two points apart are needed, which give it a "
-                f"direction"
-            )
-    else:
-        for place in (first, second):
-            if isinstance(place, Place) and not place.turns:
-                raise UnknownKindError(
-                    f"{name_of(connector)} acts on the point mass {place.body.name!r}, which does not turn; a "
-                    f"place of a beam or a rigid body is needed"
-                )
-    _check_functions(connector, start)
-
-
-def _check_apart(connector: Connector, first: Place, second: Place | Point | None) -> None:
-    if not isinstance(second, Place):
-        return
-    if first.canonical == second.canonical:
+    places = [place for place in (first, second) if isinstance(place, Place)]
+    if len({place.canonical for place in places}) < len(places):
         raise RepeatedJointError(f"{name_of(connector)} names one place twice; two places are needed")
-    if isinstance(first.body, RigidBody) and first.body.name == second.body.name:
+    if len(places) == 2 and isinstance(first.body, RigidBody) and first.body is places[1].body:
         raise RepeatedJointError(
             f"{name_of(connector)} acts between points of one rigid body, which do not move relative to each other; "
             f"places of two bodies are needed"
         )
+    start = 0.0
+    if isinstance(connector, Spring):
+        p, q = first.position, connector.ground or places[1].position
+        start = dist(p, q)
+        if start <= 1e-14 * max(map(abs, (*p, *q))):
+            raise PropertyError(
+                f"{name_of(connector)} joins places at one point {p!r}; two points apart are needed, which give it a "
+                f"direction"
+            )
+    elif still := [place for place in places if not place.turns]:
+        raise UnknownKindError(
+            f"{name_of(connector)} acts on the point mass {still[0].body.name!r}, which does not turn; a place of a "
+            f"beam or a rigid body is needed"
+        )
+    _check_functions(connector, start)
 
 
 def _check_functions(connector: Connector, start: float) -> None:
@@ -250,52 +242,10 @@ def _check_functions(connector: Connector, start: float) -> None:
 
 
 def law_value(name: str, law: Law, elongation: float, rate: float, time: float) -> float:
-    """What a law answers.
-
-    Raises
-    ------
-    PropertyError
-        If it raises, or answers with something else than one finite number.
-    """
-    asked = f"{name} law at elongation {elongation!r}, rate {rate!r}, t = {time!r} s"
-    needed = "a function (elongation, rate, t) -> one finite number is needed"
-    try:
-        answer: Any = law(elongation, rate, time)
-    except (Exception, SystemExit) as error:  # a user's function may do anything
-        raise PropertyError(f"{asked} raises {reason(error)}; {needed}") from error
-    try:
-        found = reals(answer).reshape(())
-    except (TypeError, ValueError):
-        raise PropertyError(f"{asked} gives {shown(answer)}; {needed}") from None
-    return number(asked, float(found))
+    """What a law answers; PropertyError unless it is one finite number."""
+    asked = f"{name} law (elongation, rate, t) at elongation {elongation!r}, rate {rate!r}, t = {time!r} s"
+    return float(answer_of(asked, law, elongation, rate, time, count=1)[0])
 
 
-def _check_coefficients(connector: Connector, stiffness: str, damping: str, preload: str) -> None:
-    set_, name = object.__setattr__, name_of(connector)
-    set_(connector, "stiffness", not_negative(f"{name} stiffness ({stiffness})", connector.stiffness))
-    set_(connector, "damping", not_negative(f"{name} damping ({damping})", connector.damping))
-    set_(connector, "preload", number(f"{name} preload ({preload})", connector.preload))
-    given = [n for n in ("stiffness", "damping", "preload") if getattr(connector, n)]
-    if connector.law is None and not given:
-        raise PropertyError(f"{name} has no stiffness, damping, preload or law; one of them is needed")
-    if connector.law is not None and not callable(connector.law):
-        raise PropertyError(
-            f"{name} law is {shown(connector.law)}; None or a callable (elongation, rate, t) -> number is allowed"
-        )
-    if connector.law is not None and given:
-        raise PropertyError(
-            f"{name} has a law beside {' and '.join(given)}; the law alone, or these, are allowed"
-        )
-
-
-def _place_or_point(value: object) -> Written | Point:
-    """A place of a body, or a point of the ground."""
-    pair: Any = value
-    if not isinstance(value, str) and has_length(value, (2, 3)) and not isinstance(pair[0], str):
-        return point("spring's point of the ground (m)", value)
-    return written(value)
-
-
-def _end_text(end: Written | Point) -> str:
-    pair: Any = end
-    return place_text(pair) if isinstance(pair, str) or isinstance(pair[0], str) else f"the point {pair!r}"
+def _is_point(value: Any) -> bool:
+    return has_length(value, (2, 3)) and not isinstance(value[0], str)

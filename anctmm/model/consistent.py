@@ -18,9 +18,9 @@ from anctmm.model.velocities import RigidVelocity, turned
 
 Array = NDArray[np.float64]
 
-#: Regularisation of equations whose rows have the length 1, and steps: each leaves REGULARISED / (σ² + REGULARISED) of
-#: what a singular value σ takes part in.
-REGULARISED, STEPS = 1e-10, 40
+#: Regularisation of equations whose rows have the length 1: a step leaves REGULARISED / (σ² + REGULARISED) of what a
+#: singular value σ takes part in.
+REGULARISED = 1e-10
 
 
 def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
@@ -58,7 +58,7 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
     if parts:
         if scene is not None:
             raise SceneError(
-                f"scene is {shown(scene)} beside {listed(sorted(parts))}; a scene, or what it is made of, is allowed"
+                f"scene is {shown(scene)} beside {listed(sorted(parts))}; one of both is allowed"
             )
         scene = SceneToBeStarted(**parts)
     else:
@@ -80,23 +80,17 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
 def _equations(scene: Scene) -> tuple[Any, Array]:
     """Conditions of all joints for the velocities of centres and spins of all bodies: matrix and right side."""
     width = scene.dim + _spins(scene.dim)
-    first = {body.name: width * k for k, body in enumerate(scene.bodies)}
-    rows, columns, values, rates = list[Any](), list[Any](), list[Array](), [np.zeros(0)]
-    count = 0
-    for condition in (c for joint in scene.joints for c in conditions_of(scene, joint)):
+    number = {body.name: k for k, body in enumerate(scene.bodies)}
+    conditions = [c for joint in scene.joints for c in conditions_of(scene, joint)]
+    shape = sum(len(c.value) for c in conditions), width * len(scene.bodies)
+    matrix, first = scipy.sparse.lil_array(shape), 0
+    for condition in conditions:
+        rows = slice(first, first + len(condition.value))
         for place, axis, J in condition.factors:
-            block = J @ motion_of(place, axis)
-            m, n = np.indices(block.shape)
-            rows.append((count + m).ravel())
-            columns.append((first[place.body.name] + n).ravel())
-            values.append(block.ravel())
-        rates.append(-condition.driven)
-        count += len(condition.value)
-    at = (np.concatenate(x or [np.zeros(0, dtype=int)]) for x in (rows, columns))
-    shape = count, width * len(scene.bodies)
-    return scipy.sparse.csr_array(
-        (np.concatenate(values or [np.zeros(0)]), tuple(at)), shape
-    ), np.concatenate(rates)
+            at = width * number[place.body.name]
+            matrix[rows, at : at + width] += J @ motion_of(place, axis)
+        first = rows.stop
+    return matrix.tocsr(), -np.concatenate([np.zeros(0), *(c.driven for c in conditions)])
 
 
 def motion_of(place: Place, axis: int) -> Array:
@@ -139,18 +133,11 @@ def _moved(body: Body, motion: Array, dim: int) -> Body:
 
 
 def least_norm(mass: Any, A: Any, right: Array) -> Array:
-    """The x of least xᵀ mass x for which |right − A x| is the least.
+    """The x of least xᵀ mass x for which |right − A x| is the least; equations may depend on each other.
 
-    Each step solves the regularised equations of the last one's remainders: the method of multipliers, or iterated
-    Tikhonov regularisation (Björck, Numerical Methods for Least Squares Problems, 1996, 4.5). So equations may depend
-    on each other. The matrix is quasi-definite and has factors in any order (Vanderbei, SIAM J. Optim. 5, 1995).
-
-    Parameters
-    ----------
-    mass : csc_array, shape (n, n)
-        Symmetric and positive definite.
-    A : csr_array, shape (m, n)
-    right : ndarray, shape (m,)
+    Each step solves the regularised equations of the last one's remainders: iterated Tikhonov regularisation (Björck,
+    Numerical Methods for Least Squares Problems, 1996, 4.5). The matrix is quasi-definite and has factors in any order
+    (Vanderbei, SIAM J. Optim. 5, 1995).
     """
     n = A.shape[1]
     if not right.any():
@@ -162,7 +149,7 @@ def least_norm(mass: Any, A: Any, right: Array) -> Array:
     whole = scipy.sparse.block_array([[M, A.T], [A, -REGULARISED * scipy.sparse.eye_array(len(b))]])
     factors = scipy.sparse.linalg.splu(whole.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
     x, multipliers = np.zeros(n), np.zeros(len(b))
-    for _ in range(STEPS):
+    for _ in range(40):
         step = factors.solve(np.concatenate([-M @ x - A.T @ multipliers, b - A @ x]))
         x, multipliers = x + step[:n], multipliers + step[n:]
     return np.asarray(unit @ x)

@@ -75,14 +75,11 @@ Key = tuple[int, Signal | None]
 Pair = tuple[int, int, Signal | None]
 
 
-def _add(found: dict[Any, Any], key: Any, value: Any) -> None:
-    found[key] = found[key] + value if key in found else value
-
-
-def _sum(one: Mapping[Any, Any], two: Mapping[Any, Any]) -> dict[Any, Any]:
-    found = dict(one)
-    for key, value in two.items():
-        _add(found, key, value)
+def _summed(terms: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Terms by their keys, those of one key added."""
+    found: dict[Any, Any] = {}
+    for key, value in terms:
+        found[key] = found[key] + value if key in found else value
     return found
 
 
@@ -114,7 +111,8 @@ class _Expression:
         return type(self)(self.at, *parts)  # type: ignore[call-arg]
 
     def __add__(self, other: Any) -> Any:
-        return self._made(_sum(a, b) for a, b in zip(self._parts, self._like(other)._parts, strict=True))
+        both = zip(self._parts, self._like(other)._parts, strict=True)
+        return self._made(_summed([*a.items(), *b.items()]) for a, b in both)
 
     __radd__ = __add__
 
@@ -172,17 +170,12 @@ class Vector(_Expression):
 
     def by_signal(self) -> dict[Signal | None, Array]:
         """What each signal is multiplied by, (dim,)."""
-        found: dict[Signal | None, Array] = dict(self.constants)
-        for (x, w), A in self.terms.items():
-            _add(found, w, A @ self.at[x])
-        return found
+        terms = ((w, A @ self.at[x]) for (x, w), A in self.terms.items())
+        return _summed([*self.constants.items(), *terms])
 
     def by_vector(self) -> dict[int, Array]:
         """Derivatives by vectors, (dim, dim)."""
-        found: dict[int, Array] = {}
-        for (x, w), A in self.terms.items():
-            _add(found, x, _initial(w) * A)
-        return found
+        return _summed((x, _initial(w) * A) for (x, w), A in self.terms.items())
 
     def mapped(self, matrix: Array) -> "Vector":
         """The vector multiplied by a constant matrix, (dim, dim)."""
@@ -203,20 +196,12 @@ class Vector(_Expression):
     def __matmul__(self, other: Any) -> "Scalar":
         """The dot product."""
         two = self._like(other)
-        pairs: dict[Pair, Array] = {}
-        linear: dict[Key, Array] = {}
-        constants: dict[Signal | None, float] = {}
-        for (x, w), A in self.terms.items():
-            for (y, u), B in two.terms.items():
-                _add(pairs, (x, y, _both(w, u)), A.T @ B)
-            for u, b in two.constants.items():
-                _add(linear, (x, _both(w, u)), A.T @ b)
-        for w, a in self.constants.items():
-            for (y, u), B in two.terms.items():
-                _add(linear, (y, _both(w, u)), B.T @ a)
-            for u, b in two.constants.items():
-                _add(constants, _both(w, u), float(a @ b))
-        return Scalar(self.at, pairs, linear, constants)
+        one_x, one_b, two_x, two_b = (part.items() for part in (*self._parts, *two._parts))
+        pairs = (((x, y, _both(w, u)), A.T @ B) for (x, w), A in one_x for (y, u), B in two_x)
+        terms = [((x, _both(w, u)), A.T @ b) for (x, w), A in one_x for u, b in two_b]
+        terms += [((y, _both(w, u)), B.T @ a) for w, a in one_b for (y, u), B in two_x]
+        constants = ((_both(w, u), float(a @ b)) for w, a in one_b for u, b in two_b)
+        return Scalar(self.at, _summed(pairs), _summed(terms), _summed(constants))
 
     __rmatmul__ = __matmul__
 
@@ -262,22 +247,16 @@ class Scalar(_Expression):
 
     def by_signal(self) -> dict[Signal | None, float]:
         """What each signal is multiplied by."""
-        found: dict[Signal | None, float] = dict(self.constants)
-        for (x, w), c in self.terms.items():
-            _add(found, w, float(c @ self.at[x]))
-        for (x, y, w), C in self.pairs.items():
-            _add(found, w, float(self.at[x] @ C @ self.at[y]))
-        return found
+        terms = ((w, float(c @ self.at[x])) for (x, w), c in self.terms.items())
+        pairs = ((w, float(self.at[x] @ C @ self.at[y])) for (x, y, w), C in self.pairs.items())
+        return _summed([*self.constants.items(), *terms, *pairs])
 
     def by_vector(self) -> dict[int, Array]:
         """Derivatives by vectors, (dim,)."""
-        found: dict[int, Array] = {}
-        for (x, w), c in self.terms.items():
-            _add(found, x, _initial(w) * c)
+        found = [(x, _initial(w) * c) for (x, w), c in self.terms.items()]
         for (x, y, w), C in self.pairs.items():
-            _add(found, x, _initial(w) * (C @ self.at[y]))
-            _add(found, y, _initial(w) * (self.at[x] @ C))
-        return found
+            found += [(x, _initial(w) * (C @ self.at[y])), (y, _initial(w) * (self.at[x] @ C))]
+        return _summed(found)
 
     @property
     def _parts(self) -> tuple[Mapping[Any, Any], ...]:

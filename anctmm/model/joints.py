@@ -1,25 +1,23 @@
 """Joints: connections of places of bodies with each other or with the ground, and guides along lines."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import PropertyError, shown, unknown_kind
-from anctmm.model.accepted import JointKind, PairLike
+from anctmm.model.accepted import JointKind, Point
 from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
 from anctmm.model.places import Written, written
-from anctmm.model.velocities import Point
-from anctmm.validation import flag, is_point, one_of, point, text, vector
+from anctmm.model.rigid_bodies import RigidBody
+from anctmm.validation import flag, is_point, one_of, point, several, text, vector
 
 #: Whether a clamp or a weld holds the stretch of beams beside their direction.
 STRETCH = ("held", "free")
-Motion = Callable[[Any], tuple[Any, Any, Any]]
-"""t (s) → a value, its rate and its acceleration."""
-#: Part of a turn between places below which it is rounding.
+#: Turn between places (its sine), and value of a drive at t = 0 (rad, m), up to which they are rounding.
 ROUNDING = 1e-12
 
 
@@ -48,12 +46,11 @@ class Joint(JointKind):
         If one of them is neither a place nor a point.
     """
 
-    #: Whether it holds the direction of its places; whether its place moves on a line, along which a drive moves it.
-    holds_direction, on_line = False, False
-    #: Whether all its places are at one point, and share their position.
-    shares_position = False
-    #: Places that it needs at least.
-    fewest = 1
+    #: Whether it holds the direction of its places; whether its place moves on a line, along which a drive moves it;
+    #: whether all its places are at one point, and share their position.
+    holds_direction, on_line, shares_position = False, False, False
+    #: Whether it is offered in space, too, as those of a user's own; places that it needs at least.
+    in_space, fewest = True, 1
     ends: tuple[Any, ...]
     #: Whether one of its places is of the ground.
     grounded: bool
@@ -87,6 +84,10 @@ class Joint(JointKind):
     def attached(self) -> tuple[Any, ...]:
         """What `equations` takes: places, points of the ground, and of guides the body that carries the line."""
         return self.ends
+
+    @property
+    def features(self) -> dict[str, bool]:
+        return {"own-joints": type(self) not in JOINTS}
 
     def equations(self, *places: Any) -> list[Equation]:
         """What is zero, as sums of vectors of places and of products of them.
@@ -185,7 +186,7 @@ class Weld(Joint):
         As of `Pin`.
     """
 
-    holds_direction, fewest = True, 2
+    in_space, holds_direction, fewest = False, True, 2
     ends: tuple[Written, ...]
     grounded: bool
     angle: Angle | None
@@ -205,10 +206,15 @@ class Weld(Joint):
         object.__setattr__(self, "stretch", one_of(f"{self.label} stretch", stretch, STRETCH))
         _check_callable(f"{self.label} angle", angle, "(θ, θ', θ'')")
         if angle is not None and len(self.ends) != 2:
-            raise PropertyError(
-                f"{self.label} has an angle and {len(self.ends)} place(s); two are needed: "
-                f"the second rotates relative to the first"
-            )
+            raise PropertyError(f"{self.label} has an angle and {len(self.ends)} place(s); two are needed")
+
+    @property
+    def features(self) -> dict[str, bool]:
+        return {
+            "driven-welds": self.angle is not None,
+            "free-stretch": self.stretch == "free",
+            "free-welds": self.stretch == "free",
+        }
 
     def equations(self, *places: Any) -> list[Equation]:
         """Positions are one; directions are those of the first place, at the angles of the reference."""
@@ -246,6 +252,14 @@ class Clamp(Joint):
         _check_callable(f"{self.label} angle", self.angle, "(θ, θ', θ'')")
 
     @property
+    def features(self) -> dict[str, bool]:
+        return {"free-stretch": self.stretch == "free"}
+
+    def misfit(self, scene: Any) -> str:
+        free = scene.dim == 3 and (self.angle is not None or self.stretch == "free")
+        return "is in space; a fixed clamp that holds the stretch is allowed" if free else ""
+
+    @property
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
         """The one place it holds."""
         return (self.end,)
@@ -269,36 +283,27 @@ class Clamp(Joint):
 class _LineGuide(Joint):
     """What both kinds of guide are: a place that moves on a straight line; parameters are those of `Slider`."""
 
-    on_line = True
+    in_space, on_line = False, True
     place: Written
     direction: Point = (1.0, 0.0)
     body: str | None = None
-    position: Motion | None = None
-
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            place: Written,
-            direction: PairLike = ...,
-            body: str | None = None,
-            position: Motion | None = None,
-        ) -> None: ...
+    position: Angle | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         set_(self, "place", written(self.place))
-        along = np.array(vector(f"{self.label} direction", self.direction))
-        if not along.any():
-            raise PropertyError(
-                f"{self.label} direction is {shown(self.direction)}; a vector of some length is needed"
-            )
-        for _ in range(2):  # the second division makes the length 1 to the last digit
-            along /= np.linalg.norm(along)
-        set_(self, "direction", tuple(along.tolist()))
+        set_(self, "direction", _unit(f"{self.label} direction", self.direction, 2))
         if self.body is not None:
             set_(self, "body", text(f"{self.label} body", self.body))
         _check_callable(f"{self.label} position", self.position, "(s, s', s'')")
+
+    @property
+    def features(self) -> dict[str, bool]:
+        return {
+            "prismatic-joints" if self.holds_direction else "sliders": True,
+            "driven-guides": self.position is not None,
+            "moving-guides": self.body is not None,
+        }
 
     @property
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
@@ -347,8 +352,6 @@ class Slider(_LineGuide):
         If the direction has no length, or the position cannot be called.
     """
 
-    holds_direction = False
-
 
 @final
 @dataclass(frozen=True, init=False)  # that of both kinds
@@ -388,21 +391,23 @@ class Revolute(Joint):
     def __init__(
         self,
         *places: Written,
-        axis: PairLike = (0.0, 0.0, 1.0),
+        axis: Point = (0.0, 0.0, 1.0),
         ends: Iterable[Written] | None = None,
     ) -> None:
         object.__setattr__(self, "ends", _ends("revolute joint", places, ends))
         what = f"revolute joint of {shown(self.ends)}"
         if not 1 <= len(self.ends) <= 2:
             raise PropertyError(f"{what} has {len(self.ends)} places; one or two are needed")
-        given = vector(f"{what} axis", axis, dims=(3,))
-        size = float(np.linalg.norm(given))
-        if size == 0.0:
-            raise PropertyError(f"{what} axis is {shown(given)}; a vector of some length is needed")
-        object.__setattr__(self, "axis", tuple(x / size for x in given))
+        object.__setattr__(self, "axis", _unit(f"{what} axis", axis, 3))
 
     def __repr__(self) -> str:
         return f"Revolute({', '.join(map(repr, self.ends))}, axis={self.axis!r})"
+
+    def misfit(self, scene: Any) -> str:
+        if scene.dim == 2:
+            return "is for space; a Pin is one in the plane"
+        rigid = all(isinstance(scene.place(end).body, RigidBody) for end in self.ends)
+        return "" if rigid else "holds a place of another body; places of rigid bodies are allowed"
 
     @property
     def grounded(self) -> bool:  # type: ignore[override]
@@ -432,7 +437,7 @@ Guide = Slider | Prismatic
 JOINTS = (Pin, Weld, Clamp, Slider, Prismatic, Revolute)
 
 
-def unknown_joint(joint: Joint) -> Exception:
+def unknown_joint(joint: Any) -> Exception:
     """What to raise for a joint of a kind that somebody does not know."""
     return unknown_kind("joint", joint, JOINTS)  # type: ignore[arg-type]
 
@@ -442,11 +447,7 @@ def built_in(joints: Iterable[Joint]) -> Iterator[Any]:
     return (joint for joint in joints if type(joint) in JOINTS)
 
 
-#: Angle (rad) or position (m) of a drive at t = 0 that counts as none.
-NO_TURN = 1e-12
-
-
-def drive_of(joint: Joint) -> tuple[str, Motion, str] | None:
+def drive_of(joint: Joint) -> tuple[str, Angle, str] | None:
     """Name of the history that drives a joint, the history and its unit; None where nothing drives it."""
     what, unit = ("position", "m") if joint.on_line else ("angle", "rad")
     history = getattr(joint, what, None) if type(joint) in JOINTS else None
@@ -454,20 +455,14 @@ def drive_of(joint: Joint) -> tuple[str, Motion, str] | None:
 
 
 def check_drive(joint: Joint) -> None:
-    """Refuse a joint whose history gives nothing, or is not zero, at t = 0.
-
-    Raises
-    ------
-    PropertyError
-    """
+    """Refuse a joint whose history gives nothing, or is not zero, at t = 0."""
     if (drive := drive_of(joint)) is None:
         return
     name, history, unit = drive
     breaks_of(name, history)
     start = float(value_at(name, history, 0.0, 3)[0])
-    if abs(start) > NO_TURN:
-        verb = "turns" if unit == "rad" else "moves"
-        raise PropertyError(f"{name} is {start!r} {unit} at t = 0; 0 is needed: it {verb} from the reference")
+    if abs(start) > ROUNDING:
+        raise PropertyError(f"{name} is {start!r} {unit} at t = 0; 0 is needed, as of the reference")
 
 
 def _ends(kind: str, places: tuple[Written, ...], ends: Iterable[Written] | None) -> tuple[Written, ...]:
@@ -478,9 +473,17 @@ def _ends(kind: str, places: tuple[Written, ...], ends: Iterable[Written] | None
         raise PropertyError(
             f"{kind} of {shown(places)} has ends {shown(ends)}, too; places are given one by one or as ends"
         )
-    if isinstance(ends, str | bytes) or not isinstance(ends, Iterable):
-        raise PropertyError(f"{kind} ends is {shown(ends)}; a list of places is needed")
-    return tuple(map(written, ends))
+    return tuple(map(written, several(f"{kind} ends is", ends, "a list of places is needed", PropertyError)))
+
+
+def _unit(name: str, given: Any, dim: int) -> Point:
+    """The unit vector along a vector of some length."""
+    along = np.array(vector(name, given, dims=(dim,)))
+    if not along.any():
+        raise PropertyError(f"{name} is {shown(given)}; a vector of some length is needed")
+    for _ in range(2):  # the second division makes the length 1 to the last digit
+        along /= np.linalg.norm(along)
+    return tuple(along.tolist())
 
 
 def _check_callable(name: str, history: object, answer: str) -> None:

@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import UnknownKindError, shown
-from anctmm.model.accepted import LoadKind, PairLike
+from anctmm.model.accepted import LoadKind, Point
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.places import Graph, Written, written
-from anctmm.model.velocities import Point
+from anctmm.model.places import Written, written
 from anctmm.validation import flag, number, text, vector
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
 
 
 @final
@@ -33,14 +35,18 @@ class Force(LoadKind):
     value: Point | Callable[[Any], Point]
     follower: bool = False
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+    @property
+    def features(self) -> dict[str, bool]:
+        return {"follower-forces": self.follower}
 
-        def __init__(
-            self,
-            end: Written,
-            value: PairLike | Callable[[Any], PairLike],
-            follower: bool = ...,
-        ) -> None: ...
+    @property
+    def places(self) -> tuple[Written, ...]:
+        """The place it acts on."""
+        return (self.end,)
+
+    def misfit(self, scene: Any) -> str:
+        turns = scene.dim == 3 and self.follower
+        return "is a follower; forces of fixed direction are allowed in space" if turns else ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
@@ -62,6 +68,11 @@ class Torque(LoadKind):
     end: Written
     value: float | Callable[[Any], float]
 
+    @property
+    def places(self) -> tuple[Written, ...]:
+        """The place it acts on."""
+        return (self.end,)
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
         if not callable(self.value):
@@ -77,13 +88,8 @@ class LineLoad(LoadKind):
     body: str
     value: Point | Callable[[Any], Point]
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            body: str,
-            value: PairLike | Callable[[Any], PairLike],
-        ) -> None: ...
+    in_space = True
+    features: ClassVar[dict[str, bool]] = {"line-loads": True}
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "body", text("line load body", self.body))
@@ -104,23 +110,7 @@ def load_text(load: Load) -> str:
 
 
 def tabulated(loads: Sequence[Load], t: NDArray[np.float64], dim: int = 2) -> NDArray[np.float64]:
-    """Values of loads at times: force (x, y), N or N/m, or moment and 0, N m.
-
-    Parameters
-    ----------
-    loads : sequence of Load
-    t : ndarray, shape (n,)
-        Times, s.
-
-    Returns
-    -------
-    ndarray, shape (n, loads, dim)
-
-    Raises
-    ------
-    PropertyError
-        If a history raises, or gives another number of values, or a value that is not finite.
-    """
+    """Values of loads at times (s): force (x, y), N or N/m, or moment and 0, N m; (times, loads, dim)."""
     table = np.zeros((len(t), len(loads), dim))
     for i, load in enumerate(loads):
         width = width_of(load, dim)
@@ -141,18 +131,8 @@ def varies(load: Load) -> bool:
     return isinstance(load, Torque) or callable(load.value) or (isinstance(load, Force) and load.follower)
 
 
-def check_load(scene: Graph, load: Load) -> None:
-    """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0.
-
-    Raises
-    ------
-    UnknownNameError
-        If its place is not of the scene.
-    UnknownKindError
-        If it needs a direction and its place has none, or a beam and its body is none.
-    PropertyError
-        If its history gives nothing at t = 0.
-    """
+def check_load(scene: "Scene", load: Load) -> None:
+    """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0."""
     if isinstance(load, LineLoad):
         scene.beam(load.body)
     else:

@@ -1,13 +1,9 @@
 """Features that a scene needs beyond beams, pins, welds and clamps, so that no solver ignores one."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
 
 from anctmm.errors import UnsupportedError, shown
-from anctmm.model.connectors import Connector, RotationalSpring, Spring
-from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Prismatic, Slider, Weld
-from anctmm.model.loads import Force, LineLoad, Torque
-from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.joints import Joint
 from anctmm.model.scene import Scene
 
 #: What mechanisms may need, and what it means.
@@ -33,47 +29,14 @@ MECHANISMS = {
 }
 #: Between the features of a combination.
 WITH = " + "
-#: Features of every thing of a kind.
-OF_KIND: dict[type, str] = {
-    RigidBody: "rigid-bodies",
-    PointMass: "point-masses",
-    Slider: "sliders",
-    Prismatic: "prismatic-joints",
-    Spring: "springs",
-    RotationalSpring: "rotational-springs",
-    LineLoad: "line-loads",
-}
 
 
 def needs(scene: Scene) -> Iterator[tuple[str, object]]:
     """Features of `MECHANISMS` that a scene needs, each with every thing that needs it."""
     for thing in (*scene.bodies, *scene.joints, *scene.connectors, *scene.loads):
-        if type(thing) in OF_KIND:
-            yield OF_KIND[type(thing)], thing
-        of_thing = _of_joint(thing) if isinstance(thing, Joint) else _of_acting(thing)
-        yield from ((feature, thing) for feature, needed in of_thing if needed)
-        places = (thing.end,) if isinstance(thing, Force | Torque) else getattr(thing, "places", ())
-        if any(scene.place(place).interior for place in places):
+        yield from ((feature, thing) for feature, needed in thing.features.items() if needed)
+        if any(scene.place(place).interior for place in thing.places):
             yield "interior-joints" if isinstance(thing, Joint) else "interior-loads", thing
-
-
-def _of_joint(joint: Any) -> Iterator[tuple[str, bool]]:
-    yield "own-joints", type(joint) not in JOINTS
-    if isinstance(joint, Guide):
-        yield "driven-guides", joint.position is not None
-        yield "moving-guides", joint.body is not None
-    if isinstance(joint, Clamp | Weld):
-        yield "free-stretch", joint.stretch == "free"
-    if isinstance(joint, Weld):
-        yield "driven-welds", joint.angle is not None
-        yield "free-welds", joint.stretch == "free"
-
-
-def _of_acting(thing: Any) -> Iterator[tuple[str, bool]]:
-    if isinstance(thing, Connector):
-        yield "driven-springs", callable(thing.free)
-        yield "laws", thing.law is not None
-    yield "follower-forces", isinstance(thing, Force) and thing.follower
 
 
 def features_of(scene: Scene) -> Mapping[str, object]:
@@ -85,21 +48,10 @@ def features_of(scene: Scene) -> Mapping[str, object]:
 
 
 def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None:
-    """Refuse a scene that needs what a solver lacks.
+    """Refuse a scene that needs what a solver, `who`, lacks: an UnsupportedError names the feature and the thing.
 
-    Parameters
-    ----------
-    scene : Scene
-    lacks : iterable of str
-        Features, or combinations of features joined by " + ", all of which must be needed.
-    who : str
-        The solver, for the message.
-    *features : str
-        Other features needed, such as "statics".
-
-    Raises
-    ------
-    UnsupportedError
+    `lacks`: features, or combinations of features joined by " + ", all of which must be needed; `features`: others that
+    are needed, such as "statics".
     """
     asked = features_of(scene)
     for parts in (lack.split(WITH) for lack in (sorted(lacks) if asked else ())):

@@ -1,13 +1,16 @@
 """Places of bodies: their notation and meaning."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from anctmm.errors import UnknownNameError, shown
+from anctmm.errors import UnknownNameError, listed, shown
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.velocities import Point
 from anctmm.validation import has_length, within
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
 
 #: How a place is written.
 Written = str | tuple[str, float]
@@ -102,48 +105,25 @@ class Place:
         return place_text(self.end)
 
 
-def place_in(body: Body, key: Any) -> Key | None:
-    """Key of a place of a body, 0 and 1 for the ends of a beam; None if it has no such place."""
-    match body:
-        case Beam():
-            if isinstance(key, str):
-                return SIDES.index(key) if key in SIDES else None
-            return int(key) if key in (0.0, 1.0) else key
-        case RigidBody() | PointMass():
-            return key if isinstance(key, str) and body.has(key) else None
+def place_of(scene: "Scene", place: object) -> Place:
+    """What a place is: "name.start", ("name", fraction), "name.point".
 
-
-class Graph(Protocol):
-    """The part of a scene that functions of the model need: `anctmm.model.scene.Scene` has it."""
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """All bodies."""
-        ...
-
-    @property
-    def joints(self) -> tuple[Any, ...]:
-        """All joints."""
-        ...
-
-    @property
-    def dim(self) -> int:
-        """Components of a place."""
-        ...
-
-    @property
-    def length(self) -> float:
-        """Length that positions are compared with, m."""
-        ...
-
-    def body(self, name: str) -> Body:
-        """The body of a name."""
-        ...
-
-    def beam(self, name: str) -> Beam:
-        """The beam of a name."""
-        ...
-
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
-        ...
+    Raises
+    ------
+    UnknownNameError, PropertyError
+        If it is no place, or not of the scene; if a fraction lies outside [0, 1].
+    """
+    given: Any = written(place)
+    name, dot, key = given.rpartition(".") if isinstance(given, str) else (given[0], ".", given[1])
+    if not dot:
+        raise UnknownNameError(f"place {shown(place)} is no place of a body; {PLACE_NEEDED}")
+    body = scene.body(name)
+    keys = SIDES if isinstance(body, Beam) else body.keys
+    if key in keys:
+        return Place(body, SIDES.index(key) if isinstance(body, Beam) else key)
+    if isinstance(body, Beam) and not isinstance(key, str):
+        return Place(body, int(key) if key in (0.0, 1.0) else key)
+    raise UnknownNameError(
+        f"place {shown(place)} is not in scene {scene.name!r}; {type(body).__name__} {name!r} has "
+        f"{listed(f'{name}.{known}' for known in keys)}{' and fractions' if isinstance(body, Beam) else ''}"
+    )

@@ -4,14 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import hypot
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from anctmm.errors import PropertyError, shown
-from anctmm.model.accepted import BodyKind, PairLike
-from anctmm.model.velocities import Point, turned
+from anctmm.model.accepted import BodyKind, Point
+from anctmm.model.velocities import turned
 from anctmm.validation import LONGEST, FrozenMapping, number, point, positive, reals, text, vector
 
 #: The point that every rigid body and point mass has: its centre of mass.
@@ -20,9 +19,64 @@ CENTER = "center"
 ROUNDING = 1e-12
 
 
+class WithPoints(BodyKind):
+    """What rigid bodies and point masses are: a centre of mass, and points with names that move with it."""
+
+    in_space = True
+    name: str
+    center: Point
+    points: Mapping[str, Point]
+    velocity: Point
+    spin: Any
+
+    @property
+    def dim(self) -> int:
+        """Components of its places."""
+        return len(self.center)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of all points, "center" first."""
+        return (CENTER, *self.points)
+
+    @cached_property
+    def extent(self) -> float:
+        """Largest distance of a point from the centre, m; 0 if there is none."""
+        return max((hypot(*self.arm(key)) for key in self.points), default=0.0)
+
+    @cached_property
+    def first_at(self) -> Mapping[Point, str]:
+        """First of the points at each position, which stands for all that coincide there."""
+        return {self.position_at(key): key for key in reversed(self.keys)}
+
+    def position_at(self, key: str) -> Point:
+        """Place of a point in the reference, m."""
+        return self.center if key == CENTER else self.points[key]
+
+    def arm(self, key: str) -> Point:
+        """Offset of a point from the centre of mass in the reference, m."""
+        return tuple(a - b for a, b in zip(self.position_at(key), self.center, strict=True))
+
+    def velocity_at(self, key: str) -> Point:
+        """Velocity of a point at t = 0, m/s."""
+        if key == CENTER:
+            return self.velocity
+        return tuple((self.velocity + turned(self.spin, self.arm(key))).tolist())
+
+    @property
+    def moving(self) -> bool:
+        """Whether it moves at t = 0."""
+        return bool(np.any(self.spin) or any(self.velocity))
+
+    @property
+    def speed(self) -> float:
+        """Largest component of the velocities of its points at t = 0, m/s."""
+        return max(abs(v) for key in self.keys for v in self.velocity_at(key))
+
+
 @final
 @dataclass(frozen=True)
-class RigidBody(BodyKind):
+class RigidBody(WithPoints):
     """A rigid body, in the plane or in space.
 
     Parameters
@@ -57,18 +111,7 @@ class RigidBody(BodyKind):
     velocity: Point = None  # type: ignore[assignment]
     spin: Any = None
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            name: str,
-            mass: float,
-            inertia: float | ArrayLike,
-            center: PairLike,
-            points: Mapping[str, PairLike] = ...,
-            velocity: PairLike | None = ...,
-            spin: float | PairLike | None = ...,
-        ) -> None: ...
+    features: ClassVar[dict[str, bool]] = {"rigid-bodies": True}
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -86,56 +129,10 @@ class RigidBody(BodyKind):
             set_(self, "inertia", _tensor(f"{what} inertia (kg m²)", self.inertia))
             set_(self, "spin", (0.0, 0.0, 0.0) if spin is None else vector(name, spin, dims=(3,)))
 
-    @property
-    def dim(self) -> int:
-        """Components of its places."""
-        return len(self.center)
-
-    @cached_property
-    def extent(self) -> float:
-        """Largest distance of a point from the centre, m; 0 if there is none."""
-        return max((hypot(*self.arm(key)) for key in self.points), default=0.0)
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Names of all points, "center" first."""
-        return (CENTER, *self.points)
-
-    def has(self, key: str) -> bool:
-        """Whether there is a point of this name."""
-        return key == CENTER or key in self.points
-
-    @cached_property
-    def first_at(self) -> Mapping[Point, str]:
-        """First of the points at each position, which stands for all that coincide there."""
-        return {self.position_at(key): key for key in reversed(self.keys)}
-
-    def position_at(self, key: str) -> Point:
-        """Place of a point in the reference, m."""
-        return self.center if key == CENTER else self.points[key]
-
-    def arm(self, key: str) -> Point:
-        """Offset of a point from the centre of mass in the reference, m."""
-        return tuple(a - b for a, b in zip(self.position_at(key), self.center, strict=True))
-
-    def velocity_at(self, key: str) -> Point:
-        """Velocity of a point at t = 0, m/s."""
-        return tuple((self.velocity + turned(self.spin, self.arm(key))).tolist())
-
-    @property
-    def moving(self) -> bool:
-        """Whether it moves at t = 0."""
-        return bool(np.any(self.spin) or any(self.velocity))
-
-    @property
-    def speed(self) -> float:
-        """Largest component of the velocities of its points at t = 0, m/s."""
-        return max(abs(v) for key in self.keys for v in self.velocity_at(key))
-
 
 @final
 @dataclass(frozen=True)
-class PointMass(BodyKind):
+class PointMass(WithPoints):
     """A mass at a point, which does not turn.
 
     Parameters
@@ -155,20 +152,14 @@ class PointMass(BodyKind):
         If one of them is of another kind or out of its range.
     """
 
+    points: ClassVar[Mapping[str, Point]] = {}  # type: ignore[misc]
+    spin: ClassVar[float] = 0.0
     name: str
     mass: float
     position: Point
     velocity: Point = None  # type: ignore[assignment]
 
-    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
-
-        def __init__(
-            self,
-            name: str,
-            mass: float,
-            position: PairLike,
-            velocity: PairLike | None = ...,
-        ) -> None: ...
+    features: ClassVar[dict[str, bool]] = {"point-masses": True}
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -179,46 +170,9 @@ class PointMass(BodyKind):
         set_(self, "velocity", _velocity(what, self.velocity, self.dim))
 
     @property
-    def dim(self) -> int:
-        """Components of its places."""
-        return len(self.position)
-
-    @property
-    def center(self) -> Point:
+    def center(self) -> Point:  # type: ignore[override]
         """Centre of mass: its position, m."""
         return self.position
-
-    @property
-    def extent(self) -> float:
-        """None."""
-        return 0.0
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """The name of its one place."""
-        return (CENTER,)
-
-    def has(self, key: str) -> bool:
-        """Whether there is a point of this name."""
-        return key == CENTER
-
-    def position_at(self, key: str) -> Point:
-        """Its place in the reference, m."""
-        return self.position
-
-    def velocity_at(self, key: str) -> Point:
-        """Its velocity at t = 0, m/s."""
-        return self.velocity
-
-    @property
-    def moving(self) -> bool:
-        """Whether it moves at t = 0."""
-        return any(map(bool, self.velocity))
-
-    @property
-    def speed(self) -> float:
-        """Largest component of its velocity at t = 0, m/s."""
-        return max(map(abs, self.velocity))
 
 
 def _velocity(what: str, velocity: Any, dim: int) -> Point:
@@ -227,13 +181,7 @@ def _velocity(what: str, velocity: Any, dim: int) -> Point:
 
 
 def _tensor(what: str, inertia: Any) -> tuple[tuple[float, ...], ...]:
-    """A tensor of inertia from itself, or from its principal values.
-
-    Raises
-    ------
-    PropertyError
-        If no distribution of mass has it.
-    """
+    """A tensor of inertia from itself or its principal values; PropertyError if no distribution of mass has it."""
     needed = "three positive principal values, or a symmetric 3 × 3 array of them in other axes"
     try:
         given = reals(inertia)

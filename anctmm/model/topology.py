@@ -6,9 +6,11 @@ from typing import Generic, TypeVar
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
-from anctmm.model.joints import Clamp, Guide, Weld, built_in
-from anctmm.model.places import End, Graph, Place
+from anctmm.model.joints import Clamp, Weld, built_in
+from anctmm.model.places import End, Place
 from anctmm.model.rigid_bodies import PointMass
+from anctmm.model.scene import Scene
+from anctmm.validation import is_point
 
 T = TypeVar("T", bound=Hashable)
 #: What stands for the ground among names of bodies, which are texts.
@@ -19,14 +21,8 @@ GROUND = None
 class Junction:
     """A place where ends meet: places of bodies that are connected by pins and welds, directly or through others.
 
-    Parameters
-    ----------
-    groups : tuple of tuple of End
-        Ends of one group are welded to each other, directly or through others; groups are hinged to each other.
-    grounded : bool
-        Whether the place is held.
-    clamps : tuple of Clamp or None
-        For each group the clamp, fixed or driven, that holds its direction.
+    Ends of one group are welded to each other, groups are hinged to each other; each group has the clamp, fixed or
+    driven, that holds its direction.
     """
 
     groups: tuple[tuple[End, ...], ...]
@@ -40,26 +36,24 @@ class Junction:
 
 
 class Sets(Generic[T]):
-    """Disjoint sets that grow together (union-find)."""
+    """Disjoint sets that grow together; a thing not met before is a set of its own."""
 
     def __init__(self) -> None:
-        self._parent: dict[T, T] = {}
+        self._sets: dict[T, list[T]] = {}
+
+    def _with(self, thing: T) -> list[T]:
+        return self._sets.setdefault(thing, [thing])
 
     def of(self, thing: T) -> T:
-        """The member that stands for the set of a thing; a thing not met before is a set of its own."""
-        root = thing
-        while (above := self._parent.get(root, root)) != root:
-            root = above
-        while thing != root:  # later searches are short
-            self._parent[thing], thing = root, self._parent[thing]
-        return root
+        """The member that stands for the set of a thing."""
+        return self._with(thing)[0]
 
-    def unite(self, one: T, two: T) -> bool:
-        """Make one set of two; False if they were one already."""
-        a, b = self.of(one), self.of(two)
-        if a != b:
-            self._parent[b] = a
-        return a != b
+    def unite(self, one: T, two: T) -> None:
+        """Make one set of two."""
+        small, large = sorted((self._with(one), self._with(two)), key=len)
+        if small is not large:
+            large += small
+            self._sets.update(dict.fromkeys(small, large))
 
     def among(self, things: Iterable[T]) -> list[list[T]]:
         """Things by their sets, both in the order given."""
@@ -69,39 +63,29 @@ class Sets(Generic[T]):
         return list(sets.values())
 
 
-def turning_bodies(scene: Graph) -> list[str]:
+def turning_bodies(scene: Scene) -> list[str]:
     """Names of the bodies whose turns are counted: all that have a direction."""
     return [body.name for body in scene.bodies if not isinstance(body, PointMass)]
 
 
-def joined_bodies(scene: Graph, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:
+def joined_bodies(scene: Scene, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:
     """Pairs of bodies that joints, or these connectors, join to each other; None is the ground."""
     for joint in scene.joints:
-        first, *others = [scene.place(end).body.name for end in joint.places]
-        yield from ((first, other) for other in others)
-        if isinstance(joint, Guide):
-            yield first, joint.body
-        elif joint.grounded:
+        first = scene.place(joint.places[0]).body.name
+        yield from (
+            (first, GROUND if is_point(end) else scene.place(end).body.name) for end in joint.attached
+        )
+        if joint.grounded:
             yield first, GROUND
     for connector in connectors:
         one, two = ends_of(scene, connector)
         yield one.body.name, two.body.name if isinstance(two, Place) else GROUND
 
 
-def junctions_of(scene: Graph) -> tuple[Junction, ...]:
-    """All junctions of a scene.
+def junctions_of(scene: Scene) -> tuple[Junction, ...]:
+    """All junctions of a scene, in the order of its bodies, and of each body's places from start to end.
 
-    Junctions, their groups and the groups' ends stand in the order of the scene's bodies, and of each body's places,
-    from start to end. An end of a beam without a joint is a junction of its own, and every end is in one junction;
-    other places are there if a joint names them.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    tuple of Junction
+    Every end of a beam is in one, also without a joint; other places are there if a joint names them.
     """
     places, directions = Sets[End](), Sets[End]()
     joined = [(joint, [scene.place(place).end for place in joint.ends]) for joint in built_in(scene.joints)]

@@ -7,16 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.model.accepted import Point
 from anctmm.validation import LONGEST, number, vector
 
 Array = NDArray[np.float64]
-Point = tuple[float, ...]
-"""Two numbers in the plane, three in space."""
 #: Points at which a velocity is looked at.
 SAMPLES = 9
-#: Parts of the length over which slopes are found, one after another until their error is small; such an error, of the
-#: velocity.
-REACHES, FINEST = (0.1, 0.01, 1e-3), 1e-11
 
 
 def turned(spin: Any, arm: Any) -> Array:
@@ -86,17 +82,12 @@ def second_derivative(velocity: Callable[[float], Point], fraction: float, eleme
 def slope_of(velocity: Callable[[float], Any], fraction: float, size: float) -> tuple[Array, float]:
     """Derivative of a velocity by the fraction, (dim,), and its error, m/s; one-sided at the ends.
 
-    Parameters
-    ----------
-    velocity : callable
-    fraction : float
-    size : float
-        Of the velocity, m/s: the unit must not decide how well its slope is found.
+    It is looked for ever nearer until the error is rounding beside the velocity's size, m/s.
     """
-    for reach in REACHES:
+    for reach in (0.1, 0.01, 1e-3):
         wide, found = (_derivative(velocity, fraction, r, 1) for r in (reach, 0.5 * reach))
         error = float(np.abs(wide - found).max())
-        if error <= FINEST * max(size, float(np.abs(found).max())):
+        if error <= 1e-11 * max(size, float(np.abs(found).max())):
             break
     return found, error
 

@@ -101,7 +101,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         If a probe is not of both scenes.
     """
     needed = "a list of at least one probe is needed, such as ['body.end', ('body', 0.5)]"
-    probes = several("probes is", probes, 100_000, needed, SolverError)
+    probes = several("probes is", probes, needed, SolverError)
     if not probes:
         raise SolverError(f"probes is []; {needed}")
     for name, value in (("solution", solution), ("reference", reference)):

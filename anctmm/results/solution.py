@@ -16,8 +16,8 @@ from anctmm.model.accepted import ConnectorKind, JointKind
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.space import check_plane
 from anctmm.model.connectors import Connector
-from anctmm.model.rigid_bodies import CENTER
-from anctmm.model.scene import Beam, PointMass, Probe, RigidBody, Scene
+from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
+from anctmm.model.scene import Beam, Probe, Scene
 from anctmm.results.export import pictures, saving, tables, vtk
 from anctmm.results.fields import Field, RigidField
 from anctmm.results.internal_forces.actions import tension_of

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Speeds, and multiples of a speed, at most.
-MOST = 10_000
-
 
 @dataclass(frozen=True)
 class Campbell:
@@ -66,7 +63,7 @@ class Campbell:
         DiscretisationError
             If the order is no whole number from 1 on.
         """
-        order = whole("order", order, MOST, DiscretisationError)
+        order = whole("order", order, 10_000, DiscretisationError)
         over = self.frequencies - order * self.speeds[:, None] / (2.0 * np.pi)
         found = []
         for k, n in zip(*np.nonzero(over[:-1] * over[1:] < 0.0), strict=True):
@@ -132,7 +129,7 @@ def campbell(
 
 def _speeds(given: object) -> list[float]:
     needed = "a list of numbers (rad/s) is needed"
-    some = several("speeds is", given, MOST, needed, DiscretisationError)
+    some = several("speeds is", given, needed, DiscretisationError)
     if not some:
         raise DiscretisationError(f"speeds are 0 numbers; {needed}")
     return sorted({number("a speed (rad/s)", speed, DiscretisationError) for speed in some})

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError, SolverError, shown
+from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 from anctmm.small_motions.linearised import SmallMotions
 from anctmm.system.system import System
@@ -19,12 +20,7 @@ LOST = ("diverged", "failed")
 def steady_state(problem: SmallMotions) -> SmallMotions:
     """Small motions about the steady spin f(q) = Ω² M (q − centre), by Newton's iteration by parts of Ω².
 
-    A part where it does not converge, near the square of a frequency, is left out.
-
-    Raises
-    ------
-    SolverError
-        If no steady state is found.
+    A part where it does not converge, near the square of a frequency, is left out, or, the last one, a SolverError.
     """
     spin, found = problem.spin, 0.0
     for part in (0.25, 0.5, 0.75, 1.0):
@@ -56,13 +52,7 @@ def _steady(problem: SmallMotions, spin: float) -> SmallMotions | None:
 
 
 def checked(system: System, about: object) -> Solution:
-    """What was given as a solution to be linearised.
-
-    Raises
-    ------
-    DiscretisationError
-        If it is no complete solution of the scene, its mesh and elements.
-    """
+    """What was given as a solution; DiscretisationError unless it is a complete one of the scene, mesh and elements."""
     scene = system.scene
     if not isinstance(about, Solution) or not len(about.t):
         raise DiscretisationError(
@@ -75,7 +65,8 @@ def checked(system: System, about: object) -> Solution:
             f"{scene.name!r}; one of the same scene is needed (functions are the same where they are one object)"
         )
     cut = system.run.of(scene)
-    if about.run is None or about.run.of(about.scene) != cut:
+    known = all(isinstance(about.fields[body.name], HermiteField | RigidField) for body in scene.bodies)
+    if not known or about.run is None or about.run.of(about.scene) != cut:
         raise DiscretisationError(
             f"about has another mesh or element than scene {scene.name!r}; {cut} is needed"
         )

@@ -38,11 +38,7 @@ SPARE = 8
 def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     """Rates λ of the lowest modes, with Im λ ≥ 0, in the order of `Modes`, and their displacements, (size, modes).
 
-    Parameters
-    ----------
-    problem : SmallMotions
-    count : int or None
-        Number of modes; None: ten, or all if there are fewer.
+    `count`: number of modes; None: ten, or all if there are fewer.
 
     Raises
     ------

@@ -40,13 +40,7 @@ GROUND = Frame(0.0, np.zeros(2))
 
 
 def spun(scene: Scene, spin: float, given: str = "spin is given") -> Frame:
-    """The frame that turns with the one clamp of a scene.
-
-    Raises
-    ------
-    DiscretisationError
-        If the scene cannot turn steadily.
-    """
+    """The frame that turns with the one clamp of a scene; DiscretisationError if it cannot turn steadily."""
     held = [joint for joint in scene.joints if joint.grounded]
     still = [*_guides(scene), *(c for c in scene.connectors if len(c.places) < 2)]
     wrong = ""
@@ -64,15 +58,9 @@ def spun(scene: Scene, spin: float, given: str = "spin is given") -> Frame:
 
 
 def frame_at(scene: Scene, time: float, signals: Sequence[Signal] = ()) -> Frame:
-    """The frame in which a scene can be steady while its drives move as they do at a time of its motion.
+    """The frame in which a scene can be steady while its drives move as they do at a time (s) of its motion.
 
-    Parameters
-    ----------
-    scene : Scene
-    time : float
-        s.
-    signals : sequence of Signal
-        All that joints depend on.
+    `signals`: all that joints depend on.
 
     Raises
     ------

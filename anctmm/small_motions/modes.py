@@ -69,9 +69,6 @@ def modes(
         If the options are wrong, or do not fit the scene or each other, or the drives of a motion allow no modes.
     SolverError
         If no steady state, or not all modes, are found.
-
-    Warns
-    -----
     EquilibriumWarning
         If the last output of a motion is no equilibrium.
 

@@ -83,13 +83,7 @@ def load(name: str) -> Solver:
 
 
 def static_of(name: str, solver: Solver) -> Solver:
-    """The `solve_static` in the module of a solver; its answers are checked, too.
-
-    Raises
-    ------
-    PluginError
-        If there is none.
-    """
+    """The `solve_static` in the module of a solver, whose answers are checked, too; PluginError if there is none."""
     return checked(name, load_static(name, solver))
 
 
@@ -102,13 +96,7 @@ def load_static(name: str, solver: Solver) -> Solver:
 
 
 def offer_of(solver: Solver) -> Offer:
-    """The `OFFER` in the module of a solver; without one the solver claims everything.
-
-    Raises
-    ------
-    PluginError
-        If it is no Offer.
-    """
+    """The `OFFER` in the module of a solver; without one it claims everything. PluginError if it is no Offer."""
     module = import_module(solver.__module__)
     found = getattr(module, "OFFER", Offer())
     if not isinstance(found, Offer):

@@ -9,7 +9,9 @@ from cmath import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.model.scene import Pin, Point, RigidBody, Scene, Spring, Torque
+from anctmm.model.connectors import Spring
+from anctmm.model.rigid_bodies import RigidBody
+from anctmm.model.scene import Pin, Point, Scene, Torque
 
 #: Angles at t = 0, rad.
 START = {

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import AnctmmError, unknown_kind
-from anctmm.model.connectors import Connector, ends_of, free_name, free_of, law_value, name_of
+from anctmm.model.connectors import Connector, Spring, ends_of, free_name, free_of, law_value, name_of
 from anctmm.model.drives import Pulse
-from anctmm.model.loads import LOADS, load_text, width_of
+from anctmm.model.loads import LOADS, LineLoad, load_text, width_of
 from anctmm.model.places import Place
-from anctmm.model.scene import Force, LineLoad, Load, Spring, Torque
+from anctmm.model.scene import Force, Load, Torque
 from reference.exudyn.model import FAILED, Model, angle_of, axes
 
 Array = NDArray[np.float64]

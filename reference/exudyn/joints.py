@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from anctmm.errors import UnsupportedError, shown
 from anctmm.model.drives import Quintic
-from anctmm.model.joints import Guide, Joint, drive_of, unknown_joint
+from anctmm.model.joints import Guide, Joint, Prismatic, Slider, drive_of, unknown_joint
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.model.scene import Beam, Clamp, Pin, Prismatic, Scene, Slider, Weld
+from anctmm.model.scene import Beam, Clamp, Pin, Scene, Weld
 from reference.exudyn.model import Model, angle_of, axes
 
 Array = NDArray[np.float64]

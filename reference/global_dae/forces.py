@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from anctmm.errors import unknown_kind
 from anctmm.model.connectors import Connector, Spring, ends_of, free_of, law_value, name_of
 from anctmm.model.drives import value_at
-from anctmm.model.loads import LOADS, load_text, width_of
+from anctmm.model.loads import LOADS, LineLoad, load_text, width_of
 from anctmm.model.places import Place
-from anctmm.model.scene import Force, LineLoad, Load, Torque
+from anctmm.model.scene import Force, Load, Torque
 from reference.global_dae.layout import Layout
 from reference.global_dae.vectors import QUARTER, Vector
 

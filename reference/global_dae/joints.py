@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError, shown
-from anctmm.model.joints import Guide, Joint, drive_of, unknown_joint
+from anctmm.model.joints import Guide, Joint, Prismatic, Slider, drive_of, unknown_joint
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER, RigidBody
-from anctmm.model.scene import Clamp, Pin, Prismatic, Slider, Weld
+from anctmm.model.scene import Clamp, Pin, Weld
 from reference.global_dae.constraints import Drive, Row, Term
 from reference.global_dae.layout import Layout
 from reference.global_dae.vectors import QUARTER, Vector

@@ -12,7 +12,9 @@ from threadpoolctl import threadpool_limits
 
 import anctmm as at
 from anctmm.errors import AnctmmError, PluginError, ResultError, UnknownSolverError, shown
-from anctmm.model.scene import Beam, Probe, RigidBody, RotationalSpring
+from anctmm.model.connectors import RotationalSpring
+from anctmm.model.rigid_bodies import RigidBody
+from anctmm.model.scene import Beam, Probe
 from anctmm.results.metrics import common_times, rounding_at
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status

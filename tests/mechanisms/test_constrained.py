@@ -14,13 +14,8 @@ SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1000.0)
 G = 9.81
 
 
-# --- one solution -------------------------------------------------------------------------------------------
-
-
 PLATE = at.RigidBody("plate", 0.5, 3.3e-3, (0.6, 0.1), {"a": (0.5, 0.0), "b": (0.7, 0.2)})
 
-
-# --- equations of motion of their own ---------------------------------------------------------------------------
 
 RUNS = {
     "explicit": {"integrator": "zhai"},

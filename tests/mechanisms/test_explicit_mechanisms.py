@@ -59,11 +59,8 @@ SCENES = {
     "welded coupler": (four_bar(joint=at.Weld), {"element": RIGID}),
     "three rigid bodies": (four_bar(), {"mesh": 1, "element": "rigid"}),
     "rigid coupler, driven beam": (four_bar(), {"element": BETWEEN}),
-    "short driven beam": (four_bar(), {"mesh": {"crank": 1, "coupler": 1, "follower": 2}, "element": BETWEEN}),
     "shear coupler": (four_bar(), {"element": {**RIGID, "coupler": "shear"}}),
-    "shear and cable": (four_bar(), {"element": {**RIGID, "crank": "shear"}}),
     "fixed crank": (four_bar(at.Clamp("crank.start")), {"element": RIGID}),
-    "free crank": (four_bar(at.Pin("crank.start")), {"element": RIGID}),
     "slider-crank": (slider_crank(at.Slider), {"mesh": 3}),
     "prismatic": (slider_crank(at.Prismatic), {"mesh": 3}),
     "ring": (ring(), {}),
@@ -90,17 +87,6 @@ def test_they_move_as_in_the_global_dae(name):
         place = f"{body.name}.{'end' if isinstance(body, at.Beam) else 'center'}"
         assert np.abs(ours.displacement(place) - dae.displacement(place)).max() < 1e-13
     assert np.abs(ours.energy.work - dae.energy.work).max() <= 1e-6 * np.abs(dae.energy.kinetic).max()
-
-
-@pytest.mark.exhaustive
-def test_joints_do_not_part_in_a_million_steps():
-    scene, options = SCENES["three rigid bodies"]
-    s = at.solve(scene, integrator="zhai", dt=1e-5, t_end=10.0, output_dt=0.5, **options)
-    assert s.status.ok
-    for one, two in (("crank", "coupler"), ("coupler", "follower")):
-        apart = np.abs(s.position(one, 1.0) - s.position(two, 0.0)).max()
-        assert apart < 3e-12
-    assert np.abs(s.position("follower", 1.0) - s.position("follower", 1.0)[0]).max() < 1e-12
 
 
 def coupler_far_away(kind, place):

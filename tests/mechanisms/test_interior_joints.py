@@ -41,18 +41,15 @@ PLATE = at.RigidBody("plate", 0.5, 3e-3, (0.6, 0.1), {"a": (0.5, 0.0), "c": (0.7
 MIDDLE, QUARTER = ("b", 0.5), ("b", 0.25)
 #: One of each kind: bodies and joints.
 SCENES = {
-    "support": ([B], [at.Pin("b.start"), at.Pin(MIDDLE)]),
     "supports": ([B], [at.Clamp("b.start"), at.Pin(QUARTER), at.Pin(("b", 0.75)), at.Pin("b.end")]),
     "pin": ([B, X], [at.Pin("b.start"), at.Pin(MIDDLE, "x.start")]),
     "weld": ([B, X], [at.Pin("b.start"), at.Weld(MIDDLE, "x.start")]),
     "two insides": ([B, beam("y", (0.3, -0.2), (0.7, 0.2))], [at.Clamp("b.start"), at.Pin(MIDDLE, ("y", 0.5))]),
     "welded insides": ([B, beam("y", (0.3, -0.2), (0.7, 0.2))], [at.Weld(MIDDLE, ("y", 0.5))]),
     "clamp": ([B], [at.Clamp(MIDDLE)]),
-    "driven clamp": ([B], [at.Clamp(QUARTER, angle=turn)]),
     "driven weld": ([B, X], [at.Clamp("b.start"), at.Weld(MIDDLE, "x.start", angle=turn)]),
     "slider": ([B], [at.Slider(QUARTER, (1.0, 0.3)), at.Pin("b.end")]),
     "driven slider": ([B], [at.Slider(QUARTER, (1.0, 0.3), position=shift)]),
-    "prismatic": ([B], [at.Prismatic(MIDDLE, (0.2, 1.0))]),
     "driven prismatic": ([B], [at.Prismatic(MIDDLE, (0.2, 1.0), position=shift)]),
     "guide in a body": ([B, PLATE], [at.Pin("plate.center"), at.Slider(QUARTER, (1.0, 0.0), "plate"), at.Pin("b.end")]),
     "plate": ([B, PLATE], [at.Clamp("b.start"), at.Weld(MIDDLE, "plate.a")]),
@@ -137,10 +134,9 @@ def test_a_beam_is_the_same_written_in_parts(name, cut, how, element):
 # --- equilibria -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mesh", [8, 16])
-def test_a_beam_on_three_supports_has_the_moment_of_clapeyrons_equation(mesh):
+def test_a_beam_on_three_supports_has_the_moment_of_clapeyrons_equation():
     """Of spans a and c under a small load q per length, M = −q (a³ + c³) / (8 (a + c)) at the middle."""
-    a, c, q = 0.75, 1.25, 1e-5
+    a, c, q, mesh = 0.75, 1.25, 1e-5, 8
     long = beam("b", (0.0, 0.0), (a + c, 0.0))
     left, middle, right = at.Pin("b.start"), at.Pin(("b", a / (a + c))), at.Slider("b.end")
     s = at.solve_static(
@@ -205,16 +201,6 @@ def test_loads_connectors_and_velocities_of_a_cut_beam(how):
         assert np.abs(force - other).max() < 1e-6 * np.abs(other).max()
     assert np.abs(ours.energy.strain - dae.energy.strain).max() < 1e-7 * dae.energy.strain.max()
     assert np.abs(ours.energy.work - dae.energy.work).max() < 1e-6 * np.abs(dae.energy.work).max()
-
-
-def test_what_diverges_is_told_of_the_whole_beam():
-    s = at.solve(at.Scene("b", [B], [at.Pin(MIDDLE)], gravity=G), mesh=8, integrator="zhai", dt=2e-2, t_end=1.0,
-                 check_stability=False)  # fmt: skip
-    assert s.status == "diverged"
-    assert s.status.body == "b"
-    assert "body 'b'" in s.status.message
-    assert 0 <= s.status.element < 8
-    assert s.fields["b"].coordinates.shape[1] == 9
 
 
 # --- between nodes ---------------------------------------------------------------------------------------------

@@ -49,29 +49,6 @@ def lagrange(t_end, n):
     return np.stack([l1 * np.cos(y[0]) + l2 * np.cos(y[1]), l1 * np.sin(y[0]) + l2 * np.sin(y[1])], axis=1)
 
 
-def row(n):
-    """A metre of n equal bars, pinned to the ground and to each other."""
-    bars = [beam(f"bar{i}", (i / n, 0.0), ((i + 1) / n, 0.0)) for i in range(n)]
-    pins = [Pin(f"bar{i}.end", f"bar{i + 1}.start") for i in range(n - 1)]
-    return Scene("row", bars, [Pin("bar0.start"), *pins], gravity=(0.0, -G))
-
-
-def lagrange_row(n, t):
-    """Tip of `row` by its equations of motion, C_ij cos(θ_i − θ_j) θ″_j + C_ij sin(θ_i − θ_j) θ′_j² = −g_i cos θ_i."""
-    l, m, behind = 1.0 / n, 0.4 / n, n - 1 - np.maximum.outer(range(n), range(n))  # noqa: E741
-    C = m * l * l * (behind + 0.5) - np.eye(n) * m * l * l / 6.0
-    g = m * l * G * (np.diagonal(behind) + 0.5)
-
-    def rate(_, y):
-        d = np.subtract.outer(y[:n], y[:n])
-        return [*y[n:], *np.linalg.solve(C * np.cos(d), -(C * np.sin(d)) @ y[n:] ** 2 - g * np.cos(y[:n]))]
-
-    y = solve_ivp(rate, (0.0, t[-1]), np.zeros(2 * n), method="DOP853", rtol=1e-12, atol=1e-12, t_eval=t).y[
-        :n
-    ]
-    return np.stack([l * np.cos(y).sum(axis=0), l * np.sin(y).sum(axis=0)], axis=1)
-
-
 def rigidly(scene, dt, t_end=0.5, **options):
     """Explicit run with 10 outputs, all bodies rigid unless told otherwise."""
     common = {"mesh": 1, "element": "rigid", **options}
@@ -127,15 +104,6 @@ def test_double_pendulum_moves_by_its_own_equations(turned):
     assert np.abs(ours.energy.balance).max() < 1e-7 * ours.energy.kinetic.max()
 
 
-def test_twenty_bodies_move_by_their_own_equations_and_stay_joined():
-    errors = []
-    for dt in (1e-4, 2e-5):
-        ours = rigidly(row(20), dt, 0.25)
-        errors.append(np.abs(ours.position("bar19", 1.0) - lagrange_row(20, ours.t)).max())
-    assert errors[0] < 1e-7
-    assert errors[0] / errors[1] == pytest.approx(25.0, rel=0.05)
-
-
 def test_rigid_crank_and_follower_are_the_limit_of_stiff_ones():
     """In the four-bar: ten times the stiffness, a tenth of the distance; as the paper gives it, the modelling error."""
     base = four_bar().scene
@@ -143,7 +111,7 @@ def test_rigid_crank_and_follower_are_the_limit_of_stiff_ones():
     kinds = {"crank": "rigid", "coupler": "cable", "follower": "rigid"}
     rigid = solve(base, mesh=mesh, element=kinds, integrator="zhai", dt=1e-4, t_end=t_end, output_dt=0.1)
     distances = []
-    for factor, dt in ((1.0, 1e-5), (10.0, 4e-6), (100.0, 1e-6)):
+    for factor, dt in ((1.0, 1e-5), (10.0, 4e-6), (40.0, 2e-6)):
         stiff = tuple(
             b if b.name == "coupler" else replace(b, material=replace(b.material, E=factor * b.material.E))
             for b in base.bodies
@@ -151,7 +119,7 @@ def test_rigid_crank_and_follower_are_the_limit_of_stiff_ones():
         run = Discretisation(mesh=mesh, integrator="zhai", dt=dt, t_end=t_end, output_dt=0.1)
         distances.append(gap(rigid, solve(replace(base, bodies=stiff), run), body="coupler"))
     assert distances[0] < 4e-4  # m: of a path of about 1 m
-    assert distances[1] / distances[2] == pytest.approx(10.0, rel=0.05)
+    assert distances[1] / distances[2] == pytest.approx(4.0, rel=0.1)
     assert np.abs(rigid.energy.balance).max() < 1e-5  # J: the account of the drive's work, too
 
 
@@ -199,17 +167,6 @@ def test_free_rigid_bar_keeps_momentum_under_force_and_torque():
     pushed = rigidly(Scene("pushed", [bar], (), [Force("bar.end", (force, 0.0))]), 1e-4)
     x = pushed.position("bar", 0.5)[:, 0]
     assert np.abs(x - 0.5 - pushed.t - 0.5 * force / m * pushed.t**2).max() < 1e-6
-
-
-def test_clamped_and_doubly_held_rigid_bodies_rest():
-    """Constraints that say what a support says already do no harm."""
-    for joints in (
-        [Clamp("bar.start")],
-        [Pin("bar.start"), Pin("bar.end")],
-        [Clamp("bar.start"), Clamp("bar.end")],
-    ):
-        ours = rigidly(Scene("held", [beam("bar", (0.0, 0.0), (0.6, 0.8))], joints, gravity=(0.0, -G)), 1e-2)
-        assert np.abs(ours.displacement(("bar", 0.5))).max() < 1e-14
 
 
 def slider_that_locks(reach):
@@ -303,12 +260,6 @@ def test_step_limit_is_that_of_what_can_still_move():
     assert solve(pendulum(), mesh=1, element="rigid", integrator="zhai", dt=0.1, t_end=0.1).status is not None
 
 
-@pytest.mark.parametrize(
-    ("error", "match", "make"),
-    [
-        (MeshError, "mesh is 2 for rigid body 'one'; 1 is needed", lambda: rigidly(pendulum(), 1e-3, mesh=2)),
-    ],
-)
-def test_what_cannot_be_is_named(error, match, make):
-    with pytest.raises(error, match=match):
-        make()
+def test_a_rigid_bar_is_one_element():
+    with pytest.raises(MeshError, match="mesh is 2 for rigid body 'one'; 1 is needed"):
+        rigidly(pendulum(), 1e-3, mesh=2)

@@ -157,7 +157,7 @@ def raises(*arguments):
 
 WRONG = {
     "a body without mass": (lambda: plate(mass=0.0), P, ["rigid body 'p' mass", "0.0", "greater than 0"]),
-    "a body without a centre": (lambda: plate(center=None), P, ["center", "None", "pair of finite numbers"]),
+    "a body without a centre": (lambda: plate(center=None), P, ["center", "None", "of finite numbers"]),
     "a point that is not finite": (lambda: plate(points={"a": (0, np.nan)}), P, ["point 'a'", "nan", "finite"]),
     "a point with a dot": (lambda: plate(points={"a.b": (0, 0)}), P, ["'a.b'", "without a dot"]),
     "two bodies of one name": (

@@ -41,11 +41,6 @@ def test_the_usual_method_depends_on_who_chooses_the_steps(options, name):
     assert run == at.Discretisation(mesh=2, **options | {"integrator": name})
 
 
-def test_a_parameter_beside_another_method_stays():
-    run = at.Discretisation(mesh=2, integrator=at.GeneralizedAlpha(0.5), psi=0.6)
-    assert (run.spectral_radius, run.psi) == (0.5, 0.6)
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [

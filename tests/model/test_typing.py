@@ -1,13 +1,8 @@
 """What type checkers say of users' scripts: what runs is accepted as it is typed, and what does not is seen."""
 
-import inspect
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
-
-import anctmm as at
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "tests" / "helpers" / "processes" / "typed_script.py"
@@ -50,29 +45,3 @@ def test_what_cannot_be_is_seen(tmp_path):
     assert code == 1
     for number, (line, told) in enumerate(WRONG.values(), 3):
         assert any(f"wrong.py:{number}: " in m and told in m for m in said.splitlines()), (line, said)
-
-
-KINDS = (
-    at.Scene, at.Case, at.History, at.Beam, at.RigidBody, at.PointMass, at.Slider, at.Spring, at.Force, at.LineLoad,
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_typed_is_what_runs(kind):
-    """The signature that type checkers read has the names, and the order, of the one that runs."""
-    source = inspect.getsource(next(c for c in kind.__mro__ if "TYPE_CHECKING" in inspect.getsource(c)))
-    _, _, typed = source.partition("def __init__(")
-    names = [part.partition(":")[0].strip() for part in _parts(typed.partition(") -> None")[0])]
-    assert [n for n in names if n not in ("self", "")] == list(inspect.signature(kind).parameters)
-
-
-def _parts(text: str) -> list[str]:
-    """Parameters of a signature: parted by commas that stand in no brackets."""
-    parts, depth = [""], 0
-    for c in text:
-        depth += (c in "[(") - (c in "])")
-        if c == "," and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += c
-    return parts

@@ -5,7 +5,7 @@ A place moves by its position and its axes: those of the reference in a rigid bo
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,24 +14,20 @@ from anctmm.errors import AnctmmError, PropertyError, reason, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.expressions import Scalar, Signal, Vector
 from anctmm.model.joints import Joint
-from anctmm.model.places import Graph, Place
+from anctmm.model.places import Place
 from anctmm.validation import is_point
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 
 
 class Condition(NamedTuple):
-    """An equation of a joint at the start.
+    """An equation of a joint at the start: its value, (m,), zero where the joint holds.
 
-    Parameters
-    ----------
-    joint : Joint
-    value : ndarray, shape (m,)
-        Zero where the joint holds.
-    factors : list of (Place, int, ndarray of shape (m, dim))
-        Derivatives by the position of a place (0), or by one of its axes (from 1 on).
-    drives : mapping of Signal to ndarray, shape (m,)
-        Derivatives by what drives change.
+    `factors`: derivatives, (m, dim), by the position of a place (0), or by one of its axes (from 1 on); `drives`: those
+    by signals, (m,).
     """
 
     joint: Joint
@@ -88,14 +84,8 @@ def axes_of(place: Place) -> Array:
     return np.eye(dim)[: 0 if not place.turns else 1 if dim == 2 else 3]
 
 
-def conditions_of(scene: Graph, joint: Joint) -> list[Condition]:
-    """Equations of a joint at the start.
-
-    Raises
-    ------
-    PropertyError
-        If the equations of a joint of a user's own kind raise, or are none.
-    """
+def conditions_of(scene: "Scene", joint: Joint) -> list[Condition]:
+    """Equations of a joint at the start; PropertyError if those of a user's own kind raise, or are none."""
     ends = [end if is_point(end) else scene.place(end) for end in joint.attached]
     vectors = [
         (end, k, x)
@@ -148,3 +138,8 @@ def _condition(
 def rate_of(w: Signal) -> float:
     """Rate of a signal at the start."""
     return float(w.at(np.array(w.history(0.0), dtype=float)[:, None])[1, 0])
+
+
+def slope_of(w: Signal) -> float:
+    """Derivative of a signal by its history at the start."""
+    return float(w.at(np.array([[w.history(0.0)[0]], [1.0], [0.0]], dtype=float))[1, 0])

@@ -1,7 +1,7 @@
 """Whether the joints of a scene are compatible with each other and its bodies."""
 
-from collections import Counter
 from collections.abc import Hashable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from anctmm.errors import (
     UnknownKindError,
     shown,
 )
-from anctmm.model.checks.conditions import Condition, conditions_of
-from anctmm.model.expressions import Signal
+from anctmm.model.checks.conditions import Condition, conditions_of, slope_of
 from anctmm.model.joints import JOINTS, Guide, Joint, check_drive
-from anctmm.model.places import Graph, Place
+from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import RigidBody
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
 
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9
@@ -28,34 +30,22 @@ Row = dict[Hashable, float]
 """Factors of what an equation depends on: of a component of a vector of a place, or of a drive."""
 
 
-def check_joints(scene: Graph) -> None:
-    """Refuse joints that do not fit.
+def check_joints(scene: "Scene") -> None:
+    """Refuse joints that do not fit the bodies, or each other.
 
     Raises
     ------
+    RepeatedJointError, ContradictingJointsError
+        If joints hold the same, and, if they contradict each other, drives move it differently.
     SceneError
-        If a joint has too few ends.
-    UnknownNameError
-        If an end is not part of the scene.
-    PropertyError
-        If a history gives nothing, or is not zero, at t = 0.
-    EndJoinedTwiceError
-        If a joint names an end twice.
-    RepeatedJointError
-        If a joint holds what others hold already.
-    ContradictingJointsError
-        If two joints hold one direction or position, and drives move it differently.
-    JointGapError
-        If the places of a joint are not where it holds them.
-    UnknownKindError
-        If a joint holds the direction of a point mass, which has none, or the line of a guide is in no rigid body.
+        Or another of its kinds, naming the joint.
     """
-    held = _Held()
     for joint in scene.joints:
         check_drive(joint)
         _check_ends(scene, joint)
         if isinstance(joint, Guide) and joint.body is not None:
             _check_line(scene, joint, joint.body)
+    held = _Held()
     for joint in scene.joints:
         conditions = conditions_of(scene, joint)
         if type(joint) in JOINTS:  # redundant ones of a user's own are his own
@@ -64,28 +54,25 @@ def check_joints(scene: Graph) -> None:
             _check_gap(condition)
 
 
-def _check_ends(scene: Graph, joint: Joint) -> None:
+def _check_ends(scene: "Scene", joint: Joint) -> None:
     """Number of ends, their names, none twice."""
     if len(joint.ends) < joint.fewest:
-        needed = "two or more are" if joint.fewest == 2 else "one or more is"
-        raise SceneError(f"{shown(joint)} names {len(joint.ends)} end(s); {needed} needed")
+        raise SceneError(f"{shown(joint)} names {len(joint.ends)} end(s); {joint.fewest} or more are needed")
     places = [scene.place(name) for name in joint.places]
-    for place in places:
-        if not place.turns and joint.holds_direction:
-            raise UnknownKindError(
-                f"{shown(joint)} holds the direction of the point mass {place.body.name!r}, which has none; "
-                f"a {'Slider' if joint.on_line else 'Pin'} does the same there"
-            )
-    times = Counter(place.canonical for place in places)
-    for place in places:
-        if times[place.canonical] > 1:
-            raise EndJoinedTwiceError(
-                f"{shown(joint)} names end {place} {times[place.canonical]} times; an end may be in several joints, "
-                f"but in each of them once"
-            )
+    if joint.holds_direction and (still := [place.body.name for place in places if not place.turns]):
+        raise UnknownKindError(
+            f"{shown(joint)} holds the direction of the point mass {still[0]!r}, which has none; a "
+            f"{'Slider' if joint.on_line else 'Pin'} does the same there"
+        )
+    seen = [place.canonical for place in places]
+    if twice := [place for place in places if seen.count(place.canonical) > 1]:
+        raise EndJoinedTwiceError(
+            f"{shown(joint)} names end {twice[0]} {len(twice)} times; an end may be in several joints, but in each of "
+            f"them once"
+        )
 
 
-def _check_line(scene: Graph, guide: Guide, name: str) -> None:
+def _check_line(scene: "Scene", guide: Guide, name: str) -> None:
     body = scene.body(name)
     if not isinstance(body, RigidBody):
         raise UnknownKindError(
@@ -94,8 +81,7 @@ def _check_line(scene: Graph, guide: Guide, name: str) -> None:
         )
     if scene.place(guide.place).body.name == name:
         raise RepeatedJointError(
-            f"{shown(guide)} guides a place of body {name!r} on a line in the same body, where it is fixed already; "
-            f"the ground or another rigid body is needed"
+            f"{shown(guide)} guides a place of body {name!r} on a line in the same body, where it is fixed already"
         )
 
 
@@ -130,16 +116,26 @@ class _Held:
     def add(self, joint: Joint, conditions: list[Condition]) -> None:
         """Add the equations of a joint; raises an error if one holds nothing new."""
         wrong = [found for row in _rows_of(conditions) if (found := self._reduced(row, joint)) is not None]
-        if wrong:
-            driven, others = max(wrong, key=lambda found: found[0])
-            _raise(joint, list(dict.fromkeys(others)), driven)
+        if not wrong:
+            return
+        driven, others = max(wrong, key=lambda found: found[0])
+        by = f"{shown(joint)} beside {' with '.join(map(shown, dict.fromkeys(others)))}"
+        if driven:
+            raise ContradictingJointsError(
+                f"{by}: they hold the same, and drives move it differently; one of them is allowed"
+            )
+        raise RepeatedJointError(
+            f"{by}, which hold the same already; each joint of an end must hold what the others leave free: leave one "
+            f"out, or name fewer ends"
+        )
 
     def _reduced(self, row: Row, joint: Joint) -> tuple[bool, list[Joint]] | None:
         """None if a row holds something new; else whether drives contradict each other, and the joints that hold it."""
         others: list[Joint] = []
         while (column := next((c for c in row if c in self._rows), None)) is not None:
             pivot, owners = self._rows[column]
-            row = _combined(row, -row[column] / pivot[column], pivot, column)
+            row = _sum(row, pivot, -row[column] / pivot[column])
+            row.pop(column, None)
             others += [owner for owner in owners if owner is not joint]
         free = [column for column in row if not isinstance(column, int)]
         if not free:
@@ -153,34 +149,15 @@ def _rows_of(conditions: list[Condition]) -> Iterator[Row]:
         for m in range(len(condition.value)):
             row: Row = {}
             for place, axis, J in condition.factors:
-                for k, value in enumerate(J[m].tolist()):
-                    column = *place.canonical, axis, k
-                    row[column] = row.get(column, 0.0) + value
+                row = _sum(row, {(*place.canonical, axis, k): x for k, x in enumerate(J[m].tolist())})
             for w, b in condition.drives.items():
-                drive = id(w.history)
-                row[drive] = row.get(drive, 0.0) + float(b[m]) * _slope(w)
-            yield {column: value for column, value in row.items() if abs(value) > INDEPENDENT}
+                row = _sum(row, {id(w.history): float(b[m]) * slope_of(w)})
+            yield row
 
 
-def _slope(w: Signal) -> float:
-    """Derivative of a signal by its history at the start."""
-    return float(w.at(np.array([[w.history(0.0)[0]], [1.0], [0.0]], dtype=float))[1, 0])
-
-
-def _combined(row: Row, factor: float, other: Row, without: Hashable) -> Row:
+def _sum(row: Row, other: Row, factor: float = 1.0) -> Row:
+    """A row and a multiple of another, without what is rounding."""
     found = dict(row)
     for column, value in other.items():
         found[column] = found.get(column, 0.0) + factor * value
-    return {c: value for c, value in found.items() if c != without and abs(value) > INDEPENDENT}
-
-
-def _raise(joint: Joint, others: list[Joint], driven: bool) -> None:
-    by = " with ".join(map(shown, others))
-    if driven:
-        raise ContradictingJointsError(
-            f"{shown(joint)} beside {by}: they hold the same, and drives move it differently; one of them is allowed"
-        )
-    raise RepeatedJointError(
-        f"{shown(joint)} holds what {by} {'holds' if len(others) == 1 else 'hold'} already; an end may be in several "
-        f"joints, but each must hold what the others leave free: leave one out, or name fewer ends"
-    )
+    return {column: value for column, value in found.items() if abs(value) > INDEPENDENT}

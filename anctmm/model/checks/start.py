@@ -5,6 +5,7 @@ the initial energy then depends on the mesh. Everything else must fit.
 """
 
 from math import sqrt
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.checks.conditions import Condition, axes_of, conditions_of, rate_of
-from anctmm.model.joints import JOINTS, drive_of
-from anctmm.model.places import Graph, Place
+from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.velocities import turned
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -31,28 +34,29 @@ MADE = (
 EPS = float(np.finfo(float).eps)
 
 
-def check_start(scene: Graph) -> None:
+def check_start(scene: "Scene") -> None:
     """Refuse initial velocities that joints cannot have, and warn of those that clamps replace.
 
-    Raises
-    ------
-    JointGapError
-        Naming the joint, its places and their velocities.
+    A JointGapError names the joint, its places and their velocities.
     """
-    own = any(type(joint) not in JOINTS for joint in scene.joints)
-    if not (own or any(b.moving for b in scene.bodies) or any(map(drive_of, scene.joints))):
-        return
     conditions = [c for joint in scene.joints for c in conditions_of(scene, joint)]
-    slack = EQUAL * _largest_speed(scene, conditions) + EPS * _wave_speed(scene)
+    if not any(body.moving for body in scene.bodies) and not any(np.any(c.driven) for c in conditions):
+        return
+    slack = _slack(scene, conditions)
     for condition in conditions:
-        allowed = sum(
-            float(np.abs(J).max()) * _allowed(scene, slack, place, axis)
-            for place, axis, J in condition.factors
-        )
-        rate = condition.driven + sum(J @ velocity_of(place, axis) for place, axis, J in condition.factors)
-        if np.abs(rate).max() <= allowed:
+        rate, allowed = condition.driven, 0.0
+        for place, axis, J in condition.factors:
+            velocity = velocity_of(place, axis)
+            rate = rate + J @ velocity
+            near = slack
+            if axis:
+                size = place.body.extent or scene.length
+                near = EQUAL_SLOPES * (float(np.abs(velocity).max()) + slack / (EQUAL * size))
+            allowed += float(np.abs(J).max()) * near
+        off = float(np.abs(rate).max())
+        if off <= allowed:
             continue
-        text = f"{_text(condition)}; they must fit to {allowed:.3g} and are off by {np.abs(rate).max():.6g}; {MADE}"
+        text = f"{_text(condition)}; they must fit to {allowed:.3g} and are off by {off:.6g}; {MADE}"
         beams = all(isinstance(place.body, Beam) for place in condition.places)
         if not (condition.directs and beams and len(condition.joint.places) == 1):
             raise JointGapError(text)
@@ -75,26 +79,17 @@ def velocity_of(place: Place, axis: int) -> Array:
     raise AssertionError("a point mass has no axes")
 
 
-def _allowed(scene: Graph, slack: float, place: Place, axis: int) -> float:
-    """Difference of the velocity of a position or an axis that counts as none."""
-    if axis == 0:
-        return slack
-    size = float(np.abs(velocity_of(place, axis)).max())
-    return EQUAL_SLOPES * (size + slack / (EQUAL * (place.body.extent or scene.length)))
+def _slack(scene: "Scene", conditions: list[Condition]) -> float:
+    """Difference of velocities that counts as none, m/s: of the largest one, and of what strains bodies by rounding.
 
-
-def _largest_speed(scene: Graph, conditions: list[Condition]) -> float:
-    """Largest speed of bodies and of what drives move at t = 0, m/s."""
+    A velocity of ε times the speed of axial waves strains a beam by ε.
+    """
     drives = [abs(rate_of(w)) for condition in conditions for w in condition.drives]
     extents = [place.body.extent for condition in conditions for place in condition.places]
-    moved = max(drives, default=0.0) * max(extents, default=0.0)
-    return max(moved, *(body.speed for body in scene.bodies if body.moving), 0.0)
-
-
-def _wave_speed(scene: Graph) -> float:
-    """Largest speed of axial waves, m/s: a velocity of ε times it strains a body by ε, which rounding hides."""
-    beams = [body for body in scene.bodies if isinstance(body, Beam)]
-    return max((sqrt(b.material.E / b.material.density) for b in beams), default=0.0)
+    speeds = [body.speed for body in scene.bodies if body.moving]
+    speeds.append(max(drives, default=0.0) * max(extents, default=0.0))
+    waves = [sqrt(beam.material.E / beam.material.density) for beam in scene.beams]
+    return EQUAL * max(speeds) + EPS * max(waves, default=0.0)
 
 
 def _text(condition: Condition) -> str:
@@ -102,25 +97,15 @@ def _text(condition: Condition) -> str:
     moves = list[str]()
     for place, axis, _ in condition.factors:
         what, unit = (f"axis {axis} of {place} changes", "1/s") if axis else (f"{place} moves", "m/s")
-        moves.append(f"{what} at {_vector(velocity_of(place, axis))} {unit}")
+        velocity = ", ".join(f"{x + 0.0:.6g}" for x in velocity_of(place, axis))
+        moves.append(f"{what} at ({velocity}) {unit}")
     for w in {id(w.history): w for w in condition.drives}.values():
         moves.append(f"{w.name} changes at {float(w.history(0.0)[1]):.6g} per second")
     return f"initial velocities do not fit {shown(condition.joint)}: {', '.join(moves)}"
 
 
-def _vector(values: Array) -> str:
-    return f"({', '.join(f'{x + 0.0:.6g}' for x in values.tolist())})"
-
-
 def check_rigid_start(body: Beam, stacklevel: int = 3) -> None:
-    """Warn of initial velocities that stretch or bend a body that is to be rigid.
-
-    Parameters
-    ----------
-    body : Beam
-    stacklevel : int
-        Of the warning.
-    """
+    """Warn of initial velocities that stretch or bend a body that is to be rigid."""
     if body.velocity is None:
         return
     fractions = np.linspace(0.0, 1.0, 9)

@@ -9,8 +9,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.connectors import Spring
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import drive_of
-from anctmm.model.loads import Torque, load_text, width_of
-from anctmm.model.scene import Beam, LineLoad, Load, Scene
+from anctmm.model.loads import LineLoad, Torque, load_text, width_of
+from anctmm.model.scene import Beam, Load, Scene
 
 EPS = float(np.finfo(float).eps)
 #: Times at which drives and loads are looked at, at most: steps of the run, so that none is called at other times.

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
+from anctmm.model.bodies import distance
 from anctmm.model.drives import Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Circle, Rectangle
 from anctmm.results.metrics import compare
 from reference import exudyn_cable, exudyn_reissner
