@@ -52,7 +52,7 @@ def growth(base: Base) -> tuple[Part, float]:
             rows.append(base.row(what=what, **_grown(ours.t, whole[what])))
         else:
             rows.append(base.row(str(bad.status), what=what))
-    larger = max(good(rows)[0]["growth"] if good(rows) else 1.0, 1.0)
+    larger = max(1.0, good(rows)[0]["growth"] if good(rows) else 1.0)  # also of NaN
     for row in good(rows):
         row["uncertainty"] = base.rounding * (1.0 if row["what"].startswith("push") else larger)
     drawn = _picture(case.name, ours, whole)
