@@ -87,7 +87,7 @@ def test_what_a_peer_lacks_is_shown_and_not_skipped():
     assert passed(found.values())
     lacking = {rule for rule, f in found.items() if f.verdict == NOT_OFFERED}
     assert lacking == {
-        "integrators", "high order", "joints", "branches", "loops", "drives", "varying loads", "stability",
+        "integrators", "high order", "joints", "branches", "loops", "drives", "varying loads", "stability", "energy",
     }  # fmt: skip
 
 
