@@ -108,7 +108,7 @@ class Layout:
         self.meshes: dict[str, Mesh] = {}
         self.rigid: dict[str, RigidBody | PointMass] = {}
         self.first: dict[str, int] = {}
-        parts: list[tuple[Array, Array, list[float]]] = []
+        parts: list[tuple[Array, Array, list[bool]]] = []
         cut, self.size = run.of(scene), 0
         check_kinds(cut, ELEMENTS, "the global solver")
         kinds = {name: kind_of(element) for name, (_, element) in cut.items()}
@@ -117,17 +117,18 @@ class Layout:
             kind, count = kinds[body.name], cut[body.name][0]
             mesh = Mesh(body, kind, count, kind.element_of(body, count, run.quadrature), self.size)
             self.meshes[body.name], self.size = mesh, mesh.own.stop
-            unit = ([scene.length] * 2 + [1.0] * (2 * mesh.vectors - 2)) * (count + 1)
-            parts.append((mesh.reference().ravel(), mesh.velocity().ravel(), unit))
+            places = ([True] * 2 + [False] * (2 * mesh.vectors - 2)) * (count + 1)
+            parts.append((mesh.reference().ravel(), mesh.velocity().ravel(), places))
         self.flexible = self.size
         for other in (body for body in scene.bodies if body.name not in self.meshes):
             solid = thin_bar(other) if isinstance(other, Beam) else other
             turns, rates = ([1.0, 0.0], [0.0, solid.spin]) if isinstance(solid, RigidBody) else ([], [])
             self.rigid[other.name], self.first[other.name] = solid, self.size
             start, v = np.array([*solid.position_at("center"), *turns]), np.array([*solid.velocity, *rates])
-            parts.append((start, v, [scene.length] * 2 + [1.0] * len(turns)))
+            parts.append((start, v, [True] * 2 + [False] * len(turns)))
             self.size += len(start)
-        self.reference, self.velocity, self.unit = (np.concatenate(p) for p in zip(*parts, strict=True))
+        self.reference, self.velocity, self.places = (np.concatenate(p) for p in zip(*parts, strict=True))
+        self.unit = np.where(self.places, scene.length, 1.0)
 
     def owner(self, number: int) -> tuple[str, int | None]:
         """Body, and of a flexible beam the element, that a coordinate belongs to."""
