@@ -28,7 +28,9 @@ class Drive:
 
     def __call__(self, t: Any) -> Array:
         """(p, p', p'') at a time, (3,), or at times (n,), (n, 3)."""
-        return (tabulate if np.ndim(t) else value_at)(self.name, self.history, t, 3)
+        if np.ndim(t):
+            return tabulate(self.name, self.history, t, 3)
+        return value_at(self.name, self.history, t, 3)
 
 
 class Term(NamedTuple):

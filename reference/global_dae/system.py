@@ -91,7 +91,9 @@ class System:
         c = self.constraints
         drives = Effort(mu * c.by_parameter(q, p), p[:, 0], p[:, 1])
         all_of = [drives, *(work for work, _ in pairs)], [Effort(*np.zeros((3, 0))), *(d for _, d in pairs)]
-        work, damping = (Effort(*map(np.concatenate, zip(*efforts, strict=True))) for efforts in all_of)
+        work, damping = (
+            Effort(*(np.concatenate(part) for part in zip(*efforts, strict=True))) for efforts in all_of
+        )
         return work, damping
 
     def accept(self, q: Array) -> None:
