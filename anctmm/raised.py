@@ -63,4 +63,6 @@ def _is_users(file: str) -> bool:
     libraries = [paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     libraries += [place for place in sys.path if place.endswith(("site-packages", "dist-packages"))]
     path = Path(os.path.abspath(file))
-    return not file.startswith("<") and not any(path.is_relative_to(folder) for folder in (*OURS, *libraries))
+    return not file.startswith("<") and not any(
+        path.is_relative_to(folder) for folder in [*map(str, OURS), *libraries]
+    )

@@ -70,7 +70,9 @@ class SingleRun:
     @property
     def absent(self) -> bool:
         """Whether one of the solvers is not installed."""
-        return any(not_installed(run.solution.status) for run in (self.found, *self.others))
+        return any(
+            not_installed(each.status) for each in (self.found.solution, *(x.solution for x in self.others))
+        )
 
     @property
     def error(self) -> str:

@@ -153,7 +153,7 @@ class PointMass(WithPoints):
     """
 
     points: ClassVar[Mapping[str, Point]] = {}  # type: ignore[misc]
-    spin: ClassVar[float] = 0.0
+    spin: ClassVar[float] = 0.0  # type: ignore[misc]
     name: str
     mass: float
     position: Point

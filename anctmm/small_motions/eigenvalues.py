@@ -144,6 +144,8 @@ class _Sparse:
     def largest(self, product: Product, size: int, count: int) -> tuple[Any, Any]:
         operator = iterative.LinearOperator((size, size), matvec=product, dtype=float)
         start = product(np.random.default_rng(0).standard_normal(size))
+        values: Any
+        x: Any
         try:
             values, x = iterative.eigs(operator, min(count, size - 2), v0=start, maxiter=100)
         except iterative.ArpackNoConvergence as error:  # what was not found may not be needed

@@ -263,7 +263,7 @@ def _end(model: Model, place: Place) -> tuple[Any, int, Callable[[Array], tuple[
     node, body, angle = model.node_at(place), place.body, angle_of(place)
     if isinstance(body, Beam) and model.beams.width == 4:
         return node, 4, lambda q: (q[..., :2], q[..., 2:])
-    arm = np.zeros(2) if isinstance(body, Beam) else np.array(body.arm(str(place.key)))
+    arm = np.array(body.arm(str(place.key))) if isinstance(body, RigidBody) else np.zeros(2)
     start = np.array([cos(angle), sin(angle)])
     return node, 3, lambda q: (q[..., :2] + turned(arm, q[..., 2] - angle), turned(start, q[..., 2] - angle))
 

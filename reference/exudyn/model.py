@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
+from anctmm.model.accepted import Point
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import tabulate
 from anctmm.model.places import Place
@@ -247,7 +248,7 @@ class Model:
         number, at = self.objects[body.name][index], [along, 0.0, 0.0]
         return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localPosition=at))
 
-    def on_body(self, body: RigidBody | None, position: tuple[float, ...]) -> Any:
+    def on_body(self, body: RigidBody | None, position: Point) -> Any:
         """Marker of a point of a rigid body, or of the ground, by its position in the reference."""
         number = self.ground_object if body is None else self.objects[body.name][0]
         x, y = position if body is None else np.subtract(position, body.center).tolist()

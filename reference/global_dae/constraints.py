@@ -28,7 +28,9 @@ class Drive:
 
     def __call__(self, t: Any) -> Array:
         """(p, p', p'') at a time, (3,), or at times (n,), (n, 3)."""
-        return (tabulate if np.ndim(t) else value_at)(self.name, self.history, t, 3)
+        if np.ndim(t):
+            return tabulate(self.name, self.history, t, 3)
+        return value_at(self.name, self.history, t, 3)
 
 
 class Term(NamedTuple):
@@ -89,7 +91,8 @@ class Constraints:
 
     def value(self, q: Array, p: Array) -> Array:
         """Φ, (…, count)."""
-        return self._sum(self._products(*self._ends(q), p)[0]) - self.targets - self.along * p[..., 0]
+        one, two = self._ends(q)
+        return self._sum(self._products(one, two, p)[0]) - self.targets - self.along * p[..., 0]
 
     def jacobian(self, q: Array, p: Array) -> sparse.csr_array:
         """J, (count, size)."""
@@ -123,7 +126,8 @@ class Constraints:
 
     def by_parameter(self, q: Array, p: Array) -> Array:
         """∂Φ/∂p, (…, count)."""
-        return self._sum(self._products(*self._ends(q), p)[1]) - self.along
+        one, two = self._ends(q)
+        return self._sum(self._products(one, two, p)[1]) - self.along
 
     def right(self, q: Array, v: Array, p: Array) -> Array:
         """γ of J q̈ = γ, (…, count)."""

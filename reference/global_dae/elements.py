@@ -165,14 +165,6 @@ class Beams:
         blocks = [np.tile(np.kron(m.element.mass, np.eye(2)).ravel(), m.elements) for m in self.meshes]
         return self._matrix(np.concatenate([np.zeros(0), *blocks]))
 
-    def weight(self, gravity: tuple[float, ...]) -> Array:
-        """Forces of gravity, (size,)."""
-        f, at = np.zeros(self.size), iter(self.at)
-        for mesh in self.meshes:
-            for _ in range(mesh.elements):
-                f[next(at)] += np.outer(mesh.element.gravity, gravity).ravel()
-        return f
-
     def force(self, q: Array) -> Array:
         """Elastic forces, the gradient of the strain energy."""
         f = np.empty(self.size)

@@ -72,7 +72,7 @@ def order_of(A: Matrix, size: int) -> Ints:
     dominant = Matrix(coupled + sparse.diags_array(1.0 + coupled.sum(axis=0)))
     place = splu(dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).perm_c if size else np.zeros(0)
     last = np.maximum.reduceat(place[rows.indices], rows.indptr[:-1]) if rows.shape[0] else np.zeros(0)
-    return np.argsort(np.concatenate([place, last + 0.5]), kind="stable")
+    return np.argsort(np.concatenate([place, last + 0.5]), kind="stable").astype(np.int64)
 
 
 def fill_of(upper: Matrix) -> list[list[int]]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import VECTORS, ElementKind, check_kinds, kind_of
 from anctmm.errors import StartWarning
+from anctmm.model.accepted import Point
 from anctmm.model.bodies import Beam
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -108,7 +109,7 @@ class Layout:
         self.meshes: dict[str, Mesh] = {}
         self.rigid: dict[str, RigidBody | PointMass] = {}
         self.first: dict[str, int] = {}
-        parts: list[tuple[Array, Array, list[float]]] = []
+        parts: list[tuple[Array, Array, list[bool]]] = []
         cut, self.size = run.of(scene), 0
         check_kinds(cut, ELEMENTS, "the global solver")
         kinds = {name: kind_of(element) for name, (_, element) in cut.items()}
@@ -117,17 +118,18 @@ class Layout:
             kind, count = kinds[body.name], cut[body.name][0]
             mesh = Mesh(body, kind, count, kind.element_of(body, count, run.quadrature), self.size)
             self.meshes[body.name], self.size = mesh, mesh.own.stop
-            unit = ([scene.length] * 2 + [1.0] * (2 * mesh.vectors - 2)) * (count + 1)
-            parts.append((mesh.reference().ravel(), mesh.velocity().ravel(), unit))
+            places = ([True] * 2 + [False] * (2 * mesh.vectors - 2)) * (count + 1)
+            parts.append((mesh.reference().ravel(), mesh.velocity().ravel(), places))
         self.flexible = self.size
         for other in (body for body in scene.bodies if body.name not in self.meshes):
             solid = thin_bar(other) if isinstance(other, Beam) else other
             turns, rates = ([1.0, 0.0], [0.0, solid.spin]) if isinstance(solid, RigidBody) else ([], [])
             self.rigid[other.name], self.first[other.name] = solid, self.size
             start, v = np.array([*solid.position_at("center"), *turns]), np.array([*solid.velocity, *rates])
-            parts.append((start, v, [scene.length] * 2 + [1.0] * len(turns)))
+            parts.append((start, v, [True] * 2 + [False] * len(turns)))
             self.size += len(start)
-        self.reference, self.velocity, self.unit = (np.concatenate(p) for p in zip(*parts, strict=True))
+        self.reference, self.velocity, self.places = (np.concatenate(p) for p in zip(*parts, strict=True))
+        self.unit = np.where(self.places, scene.length, 1.0)
 
     def owner(self, number: int) -> tuple[str, int | None]:
         """Body, and of a flexible beam the element, that a coordinate belongs to."""
@@ -147,7 +149,7 @@ class Layout:
             return Vector.of([(self.first[place.body.name], 1.0)])
         return self.point(place.body.name, place.position)
 
-    def point(self, name: str, position: tuple[float, ...]) -> Vector:
+    def point(self, name: str, position: Point) -> Vector:
         """The point of a rigid body that is at a position in the reference."""
         x, y = np.subtract(position, self.rigid[name].position_at("center")).tolist()
         at = np.arange(4) + self.first[name]

@@ -169,8 +169,9 @@ class Record:
         cost = Cost(*spent, max(steps, 0), iterations, factorizations)
         *series, energies, angles = map(np.concatenate, self.parts)
         fields = fields_of(self.layout, series[:1] if static else series)
-        for name, angle in () if static else zip(self.turns.names, angles.T, strict=True):
-            fields[name] = replace(fields[name], start_angle=angle.copy())  # type: ignore[type-var]
+        for name, angle in zip(self.turns.names, angles.T, strict=True):
+            if not static:
+                fields[name] = replace(fields[name], start_angle=angle.copy())  # type: ignore[type-var]
         t, layout = np.concatenate([np.zeros(0), *self.times]), self.layout
         found = Solution(
             self.solver, layout.scene, layout.run, t, fields, Energy(*energies.T.copy()), cost, status,

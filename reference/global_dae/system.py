@@ -28,7 +28,8 @@ class System:
         self.still = np.zeros(self.size)
         loads = [LoadForce(layout, load) for load in layout.scene.loads]
         self.connectors = [ConnectorForce(layout, c) for c in layout.scene.connectors]
-        self.dead = self._weight()
+        # weight: the mass accelerated alike everywhere
+        self.dead = self.mass @ (layout.places * np.resize(layout.scene.gravity, self.size))
         for load in (load for load in loads if load.dead):
             np.add.at(self.dead, load.vectors[0].at, load.value(0.0) @ load.vectors[0].A)
         self.loads: list[LoadForce] = [load for load in loads if not load.dead]
@@ -46,14 +47,6 @@ class System:
             if (inertia := getattr(body, "inertia", None)) is not None:
                 diagonal[at + 2 : at + 4] = inertia
         return Matrix(self.beams.mass() + sparse.diags_array(diagonal))
-
-    def _weight(self) -> Array:
-        """Forces of gravity."""
-        f = self.beams.weight(self.layout.scene.gravity)
-        for name, body in self.layout.rigid.items():
-            at = self.layout.first[name]
-            f[at : at + 2] = body.mass * np.asarray(self.layout.scene.gravity)
-        return f
 
     def states(self, q: Array, v: Array) -> list[tuple[ForceElement, Array, Array]]:
         """Connectors and loads, each with the values and the rates of its vectors."""
@@ -98,7 +91,9 @@ class System:
         c = self.constraints
         drives = Effort(mu * c.by_parameter(q, p), p[:, 0], p[:, 1])
         all_of = [drives, *(work for work, _ in pairs)], [Effort(*np.zeros((3, 0))), *(d for _, d in pairs)]
-        work, damping = (Effort(*map(np.concatenate, zip(*efforts, strict=True))) for efforts in all_of)
+        work, damping = (
+            Effort(*(np.concatenate(part) for part in zip(*efforts, strict=True))) for efforts in all_of
+        )
         return work, damping
 
     def accept(self, q: Array) -> None:

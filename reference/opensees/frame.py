@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.accepted import Point
 from anctmm.model.drives import Angle, tabulate, value_at
 from anctmm.model.loads import load_text, width_of
 from anctmm.model.places import End
@@ -135,7 +136,7 @@ class Frame:
             "drives": [self._drive(*driven) for driven in self.driven],
         }
 
-    def _add_node(self, place: tuple[float, ...]) -> int:
+    def _add_node(self, place: Point) -> int:
         self.nodes.append((float(place[0]), float(place[1])))
         return len(self.nodes)
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -77,9 +78,9 @@ class Runner:
         for name, solution in zip(missing, self._computed([first[n] for n in missing]), strict=True):
             found[name] = solution
             if name in keys:
-                self._stored(name, lambda solution=solution: solution)
+                self._stored(name, partial(replace, solution))
         for name in first.keys() - found.keys():  # joblib computes that of a damaged file anew
-            found[name] = self._stored(name, lambda trial=first[name]: solved(trial, self.resolve))
+            found[name] = self._stored(name, partial(solved, first[name], self.resolve))
         return [replace(found[name], scene=trial.scene) for name, trial in zip(names, trials, strict=True)]
 
     def key(self, trial: Trial) -> str:

@@ -128,7 +128,9 @@ class Trial:
         about = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator
         kind = (*about, self.own, self.error_controlled)
         if kind not in _warm:
-            steps = {} if self.integrator == STATIC else {"t_end": 2 * self.step, "output_dt": self.step}
+            steps: dict[str, Any] = (
+                {} if self.integrator == STATIC else {"t_end": 2 * self.step, "output_dt": self.step}
+            )
             replace(self, **steps).solve(solver)
             _warm.add(kind)
 

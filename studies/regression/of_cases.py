@@ -31,7 +31,7 @@ def watches_of(
     return tuple(
         Watch(
             replace(case.scene, name=file_name(case.name)),
-            case.probes,
+            tuple(case.probes),
             {"cable": _run(case, mesh, dt)},
             SOLVERS,
         )

@@ -106,8 +106,8 @@ def find(case: Case) -> Measured | None:
     own = Path("results") / file_name(case.name) / "trade"
     for folder in (own, Path("results/trade"), Path("reports/trade"), KEPT):
         measured = read(folder) if (folder / "front.csv").is_file() else None
-        known = measured is not None and case.name in set(measured.points["scene"])
-        if known and (folder != KEPT or measured.is_of(case)):
+        known = measured and case.name in set(measured.points["scene"])
+        if measured and known and (folder != KEPT or measured.is_of(case)):
             return measured
     return None
 

@@ -79,7 +79,7 @@ class VectorPlace:
 def axes_of(place: Place) -> Array:
     """Axes of a place in the reference, (axes, dim)."""
     if isinstance(place.body, Beam):
-        return np.subtract([place.body.end], [place.body.start]) / place.body.length
+        return np.subtract(place.body.end, place.body.start)[None] / place.body.length
     dim = len(place.position)
     return np.eye(dim)[: 0 if not place.turns else 1 if dim == 2 else 3]
 

@@ -123,8 +123,8 @@ def drive_findings(solution: Solution) -> Iterator[Finding]:
 
 def _wrong(drive: _History, end: float) -> tuple[float, str] | None:
     """A time at which a drive's rate or acceleration is no derivative, and the message."""
-    times: Array = end * (np.arange(8) + 0.618) / 8.236
-    steps: Array = end * np.array([[1e-3], [1e-5], [1e-7]])
+    times: Any = end * (np.arange(8) + 0.618) / 8.236
+    steps: Any = end * np.array([[1e-3], [1e-5], [1e-7]])
     here, before, after = (
         drive.at(times),
         drive.at((times - steps).ravel()),

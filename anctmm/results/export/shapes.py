@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import unknown_kind
+from anctmm.model.accepted import Point
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import Clamp, Guide, Pin, Weld
@@ -33,7 +34,7 @@ class Support:
     """Where the ground holds a scene: "clamp" or "pin", and where, m."""
 
     kind: str
-    position: tuple[float, ...]
+    position: Point
 
 
 def shapes_of(solution: Any) -> list[Shape]:
