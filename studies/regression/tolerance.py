@@ -119,6 +119,8 @@ def _scale(task: Task, history: History, quantity: str) -> float:
     same_unit = [q for q in history.quantities if UNITS[q] == UNITS[quantity]]
     largest = float(np.abs(history.of_quantity(*same_unit).to_numpy()).max(initial=0.0))
     if quantity == "displacement":
-        keys = [(b, k) for b in task.scene.bodies for k in ((0.0, 1.0) if isinstance(b, Beam) else b.keys)]
+        keys: list[tuple[Any, Any]] = [
+            (b, k) for b in task.scene.bodies for k in ((0.0, 1.0) if isinstance(b, Beam) else b.keys)
+        ]
         return max(hypot(*body.position_at(key)) for body, key in keys) + largest or 1.0
     return 1.0 + largest if quantity == "angle" else largest or 1.0

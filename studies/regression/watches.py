@@ -103,7 +103,10 @@ def both(mesh: Any = 2, explicitly: Iterable[str] = ELEMENTS) -> Runs:
 
 def base_scenes() -> list[Watch]:
     """Base scenes × elements × integrators × solvers."""
-    rest = [(CABLE, {"cable-static": Static(8)}), (ROD, {"shear-static": Static(8, "shear")})]
+    rest: list[tuple[tuple[str, ...], Runs]] = [
+        (CABLE, {"cable-static": Static(8)}),
+        (ROD, {"shear-static": Static(8, "shear")}),
+    ]
     found = [
         (base.four_bar(), _mechanism(2.4)),
         (base.four_bar_moment(), _mechanism(1.2)),
@@ -164,7 +167,7 @@ def rows_of_beams() -> list[Watch]:
         "cable-esdirk-adaptive": controlled(1e-3, 0.1, integrator="esdirk"),
     }
     quintic: Runs = {"quintic-implicit": implicit(1, "quintic")}
-    mixed = {"zhai": explicit(small.MIXED_MESH, small.MIXED, dt=2e-4)}
+    mixed: Runs = {"zhai": explicit(small.MIXED_MESH, small.MIXED, dt=2e-4)}
     long: Runs = each("zhai", lambda e: explicit({"strip": 70, "tail": 3}, e, steps=20, dt=1e-4))
     long |= each("implicit", lambda e: implicit({"strip": 66, "tail": 3}, e, steps=3))
     rows: list[tuple[Scene, Runs]] = [
