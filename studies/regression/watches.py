@@ -103,17 +103,18 @@ def both(mesh: Any = 2, explicitly: Iterable[str] = ELEMENTS) -> Runs:
 
 def base_scenes() -> list[Watch]:
     """Base scenes × elements × integrators × solvers."""
-    rest = [(CABLE, {"cable-static": Static(8)}), (ROD, {"shear-static": Static(8, "shear")})]
-    found: list[tuple[Any, Any]] = [
+    rest: list[tuple[tuple[str, ...], Runs]] = [
+        (CABLE, {"cable-static": Static(8)}),
+        (ROD, {"shear-static": Static(8, "shear")}),
+    ]
+    found = [
         (base.four_bar(), _mechanism(2.4)),
         (base.four_bar_moment(), _mechanism(1.2)),
         (base.cantilever_fall(), _fall()),
         *((base.cantilever_tip_force(load), rest) for load in base.TIP_FORCES),
         (base.cantilever_end_moment(base.END_MOMENT), rest),
     ]
-    return [
-        Watch(c.scene, tuple(c.probes), dict(runs), solvers) for c, some in found for solvers, runs in some
-    ]
+    return [Watch(c.scene, c.probes, dict(runs), solvers) for c, some in found for solvers, runs in some]
 
 
 def _motion(mesh: Any, element: str, dt: float, t_end: float, output_dt: float, **options: Any) -> Motion:
@@ -166,10 +167,10 @@ def rows_of_beams() -> list[Watch]:
         "cable-esdirk-adaptive": controlled(1e-3, 0.1, integrator="esdirk"),
     }
     quintic: Runs = {"quintic-implicit": implicit(1, "quintic")}
-    mixed = {"zhai": explicit(small.MIXED_MESH, small.MIXED, dt=2e-4)}
+    mixed: Runs = {"zhai": explicit(small.MIXED_MESH, small.MIXED, dt=2e-4)}
     long: Runs = each("zhai", lambda e: explicit({"strip": 70, "tail": 3}, e, steps=20, dt=1e-4))
     long |= each("implicit", lambda e: implicit({"strip": 66, "tail": 3}, e, steps=3))
-    rows: list[tuple[Scene, Any]] = [
+    rows: list[tuple[Scene, Runs]] = [
         (small.DRIVEN_ROW, both(ROW3) | {"quintic-esdirk": esdirk(1, "quintic", 60, 1.25e-4)}),
         (small.DRIVEN_TAIL, both()),
         (small.STRAIGHT_ROW, both({"one": 2, "two": 1, "three": 2})),
