@@ -114,7 +114,9 @@ def base_scenes() -> list[Watch]:
         *((base.cantilever_tip_force(load), rest) for load in base.TIP_FORCES),
         (base.cantilever_end_moment(base.END_MOMENT), rest),
     ]
-    return [Watch(c.scene, tuple(c.probes), dict(runs), solvers) for c, some in found for solvers, runs in some]
+    return [
+        Watch(c.scene, tuple(c.probes), dict(runs), solvers) for c, some in found for solvers, runs in some
+    ]
 
 
 def _motion(mesh: Any, element: str, dt: float, t_end: float, output_dt: float, **options: Any) -> Motion:
