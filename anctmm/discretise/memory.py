@@ -9,8 +9,9 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import MemoryLimitError
 from anctmm.model.scene import Scene
 
-#: Bytes of a number, and of energies and time of an output; series of an output: coordinates and two rates.
-NUMBER, ENERGIES, HISTORIES = 8, 64, 3
+#: Bytes of a number, and of energies and time of an output; series of an output: coordinates and two rates, and half as
+#: much again while they are checked.
+NUMBER, ENERGIES, HISTORIES = 8, 64, 4.5
 
 
 def check_memory(

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from anctmm.errors import OutputError
 
+#: Bytes of a file name at most: file systems allow 255, and endings follow.
+LONGEST = 150
+
 
 def atomic_write(path: Path, content: str | bytes) -> None:
     """Write a file so that a reader sees the old one or the whole new one.
@@ -31,8 +34,9 @@ def atomic_write(path: Path, content: str | bytes) -> None:
 
 
 def file_name(text: str) -> str:
-    """A text as the name of a file or directory: letters, digits and _ . + - of it, the others as -."""
-    return re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
+    """A text as the name of a file: letters, digits and _ . + - of it, the others as -; at most LONGEST."""
+    name = re.sub(r"[^\w.+-]+", "-", text).encode()[:LONGEST].decode(errors="ignore")
+    return name.strip(".-") or "unnamed"
 
 
 def check_writable(directory: Path, option: str = "--out") -> None:

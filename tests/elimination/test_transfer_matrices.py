@@ -61,9 +61,8 @@ class Both:
         system, q = self.system, np.empty((2 * self.q.shape[1], len(self.q)))
         q[::2], q[1::2] = self.q.T.real, self.q.T.imag
         state, inputs = new_state(system, q, np.zeros_like(q)), system.inputs(np.zeros(1))
-        given = inputs.signals[0], inputs.loads[0], inputs.free[0]
         for _ in range(2):  # as `started`
-            balance(system.size, system.space, system.tables, state, *given, 0.0)
+            balance(system.size, system.space, system.tables, state, inputs, 0)
         return vectors_of(state.w)
 
     def error(self, accelerations):

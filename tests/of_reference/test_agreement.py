@@ -79,7 +79,7 @@ def test_angle_driven_four_bar_is_exudyns(dt):
     assert difference(ours, peer) < 1e-9
 
 
-@pytest.mark.parametrize(("load", "quadrature"), zip((0.5, 3.0, 10.0), QUADRATURES, strict=True))
+@pytest.mark.parametrize(("load", "quadrature"), list(zip((0.5, 3.0, 10.0), QUADRATURES, strict=True)))
 def test_static_cantilever_is_exudyns(load, quadrature):
     scene = cantilever_tip_force(load).scene
     run = Discretisation(mesh=16, quadrature=quadrature, newton_tolerance=1e-12)

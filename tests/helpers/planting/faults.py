@@ -36,13 +36,13 @@ FAULTS = (
     Fault(
         "loads", MODEL + "drives", "Pulse.__call__", replace("np.sin(np.pi * x) ** 2", "np.sin(np.pi * x)")
     ),
-    Fault("rigid bodies", MODEL + "rigid_bodies", "RigidBody.arm", flip(0)),
-    Fault("initial velocities", MODEL + "rigid_bodies", "RigidBody.velocity_at", flip(0)),
+    Fault("rigid bodies", MODEL + "rigid_bodies", "WithPoints.arm", flip(0)),
+    Fault("initial velocities", MODEL + "rigid_bodies", "WithPoints.velocity_at", flip(0)),
     Fault(
         "consistent velocities",
         MODEL + "consistent",
         "_equations",
-        replace("-condition.driven", "condition.driven"),
+        replace("c.driven", "-c.driven"),
     ),
     Fault("consistent velocities", MODEL + "consistent", "_inertia", replace("12.0", "3.0")),
     Fault("consistent velocities", MODEL + "velocities", "turned", flip(0)),

@@ -61,7 +61,7 @@ def test_what_is_not_installed_is_said_and_no_rule_is_broken(name, monkeypatch):
     ("name", "lacking"),
     [
         ("opensees", {"energy", "integrators", "high order", "stability"}),
-        ("pyelastica", {"integrators", "high order", "joints", "branches", "loops", "stability"}),
+        ("pyelastica", {"energy", "integrators", "high order", "joints", "branches", "loops", "stability"}),
     ],
 )
 def test_other_codes_conform_in_what_they_offer(name, lacking):

@@ -137,7 +137,7 @@ def test_the_check_stores_and_compares_its_histories_and_names_the_broken_ones(b
     stored.write_text(stored.read_text().replace("-1.22625", "-1.22626"))  # the fall after 0.5 s, m
     assert command(ballistic, *asked, "ballistic").returncode == 1
     done = command(ballistic, *asked, "raises")
-    assert (done.returncode, "no licence" in done.stdout) == (1, True)
+    assert (done.returncode, "no licence" in done.stdout) == (4, True)
 
 
 def test_each_solver_has_a_row_and_the_broken_ones_their_reason(ballistic):
