@@ -6,7 +6,6 @@ one line; what is accepted is in the tables here, so that nothing is taken for a
 
 import datetime
 from collections import namedtuple
-from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
 from math import nan
@@ -259,31 +258,6 @@ def test_real_numbers_of_any_kind_are_numbers(name, kind):
 @pytest.mark.parametrize("kind", PAIRS)
 def test_ordered_pairs_of_any_kind_are_points(name, kind):
     assert told(name, POINTS[name], PAIRS[kind]) is None
-
-
-def test_numbers_become_floats():
-    one = at.Material(E=Fraction(10**9), density=np.int64(1000), poisson=Decimal("0.25"), damping=0)
-    assert [type(getattr(one, f.name)) for f in fields(one)] == [float] * 4
-    assert {
-        type(x) for x in (*body(start=[0, Fraction(1, 2)]).start, *section(area=1).__dict__.values())
-    } == {float}
-    options = run(dt=Decimal("0.125"), t_end=1, output_dt=Fraction(1, 4), psi=1, mesh=np.int32(2))
-    assert (options.steps, options.stride, type(options.psi), type(options.mesh)) == (8, 2, float, int)
-    assert hash(run(mesh={"b": 1, "a": 2})) == hash(run(mesh={"a": 2, "b": 1}))
-    assert replace(options, mesh=4).steps == 8
-
-
-@pytest.mark.parametrize(
-    "name", ["a b", "β₁", "a.b", "a/b", "a'b", 'a"b', "0", "🙂", "a.start", "{}", "%s", "\\"]
-)
-def test_names_may_have_odd_characters(name):
-    made = scene(
-        bodies=[body(name=name)], joints=[at.Pin(f"{name}.end")], loads=[at.Force(f"{name}.start", (1, 0))]
-    )
-    assert made.body_end(f"{name}.end") == (made.bodies[0], 1)
-    assert made.probe((name, 0.5)) == (name, 0.5)
-    with pytest.raises(AnctmmError, match="it has"):
-        made.body(name + "?")
 
 
 # --- functions ---------------------------------------------------------------------------------------------

@@ -7,7 +7,6 @@ from samples import refused
 import anctmm as at
 from anctmm import errors
 from anctmm.errors import JointGapError, SceneError, UnknownNameError
-from anctmm.model.connectors import ends_of, free_of
 from anctmm.model.needs import MECHANISMS, needs
 from anctmm.model.places import Place
 from anctmm.solvers import registry
@@ -65,18 +64,6 @@ def test_points_of_a_rigid_body_move_with_it():
     assert body.velocity_at("b") == (1.0 - 3.0 * -0.5, 2.0 + 3.0 * 0.5)
     assert Place(body, "b").velocity == body.velocity_at("b")
     assert body.extent == pytest.approx(np.hypot(0.5, 0.5))
-
-
-def test_connectors_know_their_ends():
-    s = scene()
-    spring = at.Spring("m.center", (1.0, 2.0), stiffness=3.0)
-    first, point = ends_of(s, spring)
-    assert (first.end, point) == (("m", "center"), (1.0, 2.0))
-    assert free_of(spring, 2.0, 0.0) == (2.0, 0.0)
-    driven = at.Spring("m.center", "a.start", stiffness=3.0, length=lambda t: (1.0 + t, 1.0))
-    assert free_of(driven, 1.0, 2.0) == (3.0, 1.0)
-    assert ends_of(s, at.RotationalSpring("a.end", stiffness=1.0))[1] is None
-    assert ends_of(s, at.Spring("a.end", ("a", 0.0), stiffness=1.0))[1].key == 0
 
 
 def test_velocities_that_fit_are_found():

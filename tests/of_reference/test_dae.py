@@ -1,11 +1,9 @@
 """The global solver: its derivatives, energies and statuses, its two ways to march, and ANC-TMM beside it."""
 
 from dataclasses import replace
-from math import pi
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from small_scenes import (
     DOWN,
     ROD,
@@ -263,17 +261,6 @@ def test_a_joint_may_lie_anywhere_on_a_beam():
     assert np.abs(prop(3).displacement(("bar", 0.4))).max() < 1e-12
 
 
-def test_a_flying_bar_keeps_its_momentum():
-    scene = bar(velocity=lambda s: (1.0 - 4.0 * (s - 0.5) * 0.8, 2.0 + 4.0 * (s - 0.5) * 0.6))
-    for solve in (global_dae.solve, global_dae.solve_plain):
-        s = solve(scene, mesh=4, dt=1e-3, t_end=0.2, output_dt=0.02, spectral_radius=1.0)
-        element, q = Layout(scene, s.run).meshes["bar"].element, s.fields["bar"].coordinates
-        weights = sum(
-            np.einsum("i,ni...->n...", element.load, q[:, e : e + 2].reshape(len(q), 4, 2)) for e in range(4)
-        )
-        assert np.allclose(weights - [0.3, 0.4], s.t[:, None] * [1.0, 2.0], rtol=0.0, atol=1e-11)
-
-
 def test_reactions_are_the_multipliers():
     bodies = [
         at.Beam("one", (0, 0), (0.5, 0.1), ROD, RUBBER),
@@ -311,46 +298,6 @@ def test_dense_and_sparse_agree_to_rounding(element):
     assert sparse.cost.factorizations < dense.cost.factorizations == dense.cost.newton_iterations
 
 
-def test_stiff_pendulum_swings_as_a_rigid_one():
-    """A stiff pinned bar follows 2l/3 θ'' = −g cos θ (θ from the horizontal) of a uniform rigid bar."""
-    scene = bar([at.Pin("bar.start")], gravity=DOWN, material=at.Material(1e12, 1000.0))
-    s = global_dae.solve(scene, mesh=2, dt=5e-4, t_end=1.0, output_dt=0.1)
-    start = [np.arctan2(0.8, 0.6), 0.0]
-    rigid = solve_ivp(lambda t, y: [y[1], -1.5 * 9.81 * np.cos(y[0])], (0, 1), start, t_eval=s.t, rtol=1e-10)
-    tip = np.stack([np.cos(rigid.y[0]), np.sin(rigid.y[0])], axis=1)
-    assert np.abs(s.position("bar", 1.0) - tip).max() < 1e-5
-
-
-@pytest.mark.parametrize("opposite", [False, True])
-@pytest.mark.parametrize("element", ["cable", "shear"])
-def test_weld_of_two_halves_is_one_body(opposite, element):
-    tip, middle = (0.6, 0.8), (0.3, 0.4)
-    ends = (tip, middle) if opposite else (middle, tip)
-    halves = [at.Beam("a", (0.0, 0.0), middle, ROD, RUBBER), at.Beam("b", *ends, ROD, RUBBER)]
-    weld = at.Weld("a.end", "b.end" if opposite else "b.start")
-    split = at.Scene("halves", halves, [at.Clamp("a.start"), weld], gravity=DOWN)
-    for options in ({"integrator": "zhai", "dt": 1e-5, "t_end": 0.02}, {"dt": 1e-3, "t_end": 0.1}):
-        run = {"element": element, "output_dt": 0.002, **options}
-        whole = global_dae.solve(bar([at.Clamp("bar.start")], gravity=DOWN), mesh=4, **run)
-        parts = global_dae.solve(split, mesh=2, **run)
-        gap = whole.position("bar", 1.0) - parts.position("b", 0.0 if opposite else 1.0)
-        assert np.abs(gap).max() < 1e-10
-
-
-def test_rigid_bars_tend_to_those_of_anc_tmm():
-    """Coordinates are others, so that steps, of second order, differ by what is of third order."""
-    bodies = [at.Beam("a", (0, 0), (1, 0), ROD, RUBBER), at.Beam("b", (1, 0), (1.5, -0.5), ROD, RUBBER)]
-    joints = [at.Clamp("a.start", angle=swing), at.Pin("a.end", "b.start")]
-    scene = at.Scene("bars", bodies, joints, [at.Torque("b.end", 0.05)], gravity=DOWN)
-    run = {"mesh": 1, "element": "rigid", "integrator": "zhai", "t_end": 0.3, "output_dt": 0.05}
-    one, two = (
-        at.compare(*(s(scene, **run, dt=dt) for s in (at.solve, global_dae.solve)), ["b.start", "b.end"])
-        for dt in (5e-4, 2.5e-4)
-    )
-    assert two.error < 1e-9
-    assert one.error / two.error == pytest.approx(8.0, rel=0.1)
-
-
 # --- rest -----------------------------------------------------------------------------------------------------
 
 
@@ -362,29 +309,6 @@ def test_equilibria_are_those_of_anc_tmm():
     assert error(ours, theirs, ["a.end", ("a", 0.37), "plate.q", "load.center"]) < 1e-9
 
 
-def test_a_moment_rolls_a_cable_into_an_arc_however_many_parts_the_load_takes():
-    scene = bar([at.Clamp("bar.start")], [at.Torque("bar.end", pi * RUBBER.E * ROD.second_moment)])
-    one, four = (global_dae.solve_static(scene, mesh=16, load_steps=n) for n in (1, 4))
-    assert four.t.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
-    assert np.allclose(one.position("bar.end")[-1], four.position("bar.end")[-1], atol=1e-10)
-    assert np.allclose(four.position("bar.end")[-1], [-0.8 * 2 / pi, 0.6 * 2 / pi], atol=1e-5)
-    assert four.energy.work[-1] == pytest.approx(2.0 * four.energy.strain[-1], rel=1e-4)
-
-
-@pytest.mark.parametrize("element", ["cable", "shear"])
-def test_static_cantilever_under_a_small_load_is_a_linear_beam(element):
-    """Tip deflection F L³/(3 E I), with F L/(G A) for shear; the shear element converges at second order only."""
-    F = 1e-4
-    s = global_dae.solve_static(
-        bar([at.Clamp("bar.start")], [at.Force("bar.end", (-0.8 * F, 0.6 * F))]), mesh=32, element=element
-    )
-    shear = F / (RUBBER.lame[1] * ROD.area) if element == "shear" else 0.0
-    deflection = s.displacement("bar.end")[-1] @ [-0.8, 0.6]
-    exact = F / (3 * RUBBER.E * ROD.second_moment) + shear
-    assert s.status.ok
-    assert deflection == pytest.approx(exact, rel=1e-5 if element == "cable" else 2e-3)
-
-
 def test_a_preloaded_spring_stores_the_integral_of_its_force_at_each_part_of_the_load():
     """Its force at a part f of the load is k e + f P; so is its energy ½ k e² + f P e."""
     spring = at.Spring("m.center", (0.0, 1.0), stiffness=40.0, preload=2.0)
@@ -393,13 +317,6 @@ def test_a_preloaded_spring_stores_the_integral_of_its_force_at_each_part_of_the
     e = (0.5 * 9.81 - 2.0) / 40.0 * found.t
     np.testing.assert_allclose(-found.displacement("m.center")[:, 1], e, atol=1e-12)
     np.testing.assert_allclose(found.energy.strain, 20.0 * e**2 + found.t * 2.0 * e, atol=1e-12)
-
-
-def test_a_pendulum_finds_its_lowest_place():
-    plate = at.RigidBody("p", 1.0, 0.1, (0.5, 0.0), {"o": (0.0, 0.0)})
-    found = global_dae.solve_static(at.Scene("pendulum", [plate], [at.Pin("p.o")], gravity=DOWN))
-    assert found.status.ok, found.status
-    np.testing.assert_allclose(found.position("p.center")[-1], [0.0, -0.5], atol=1e-8)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3])

@@ -16,7 +16,7 @@ from studies.cases import cases_in, find_case
 from studies.engine.meshes import coarsest_mesh, longest_step, parts_of, stable_step
 from studies.engine.refinement import STEP, Refinement, Setup
 from studies.engine.runner import Runner
-from studies.engine.values import Value, rounded, values_of
+from studies.engine.values import values_of
 
 CASES = [(file, case.name) for file in FILES for case in cases_in(file)]
 ROD, STEEL = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1500.0)
@@ -248,22 +248,3 @@ def test_a_place_that_rests_by_symmetry_has_no_error_of_its_own():
     case = at.Case(at.Scene("sym", halves, joints, loads=loads), ["l.end", ("l", 0.5)], t_end=None)
     found = Refinement(case, Setup(), Runner()).refined(1e-2)
     assert found.reached, found.reason
-
-
-# --- digits -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("value", "uncertainty", "text"),
-    [
-        (-123.456, 2.0, "-123"), (0.363052, 9.6e-5, "0.3631"), (13272.0, 1e3, "13000"), (0.0, 1e-3, "0.000"),
-        (1.0, 0.0, "1"), (3.2e-9, 1e-11, "3.20e-09"), (0.5, 1e-15, "0.500000000000"),
-    ],
-)  # fmt: skip
-def test_digits(value, uncertainty, text):
-    assert rounded(value, uncertainty) == text
-
-
-def test_a_value_without_uncertainty_says_so_by_having_none():
-    assert Value("p", "x", "m", 0.123456789).text == "0.123457 m"
-    assert Value("p", "x", "m", 0.123456789, 2e-4).text == "0.1235 ± 0.0002 m"
