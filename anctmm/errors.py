@@ -146,8 +146,8 @@ def reason(error: BaseException) -> str:
     except Exception:
         text = ""
     name, line = type(error).__name__, line_of(error)
-    told = one_line(f"{name}: {text}" if text else name)
-    return told if line is None else f"{told} ({line})"
+    message = one_line(f"{name}: {text}" if text else name)
+    return message if line is None else f"{message} ({line})"
 
 
 def one_line(text: str) -> str:

@@ -54,8 +54,8 @@ def interruption(when: float) -> Status:
 
 def interruption_of_load(factor: float) -> Status:
     """The status of a search for equilibria that Ctrl-C stopped after one at a load factor."""
-    told = f"the search for equilibria was interrupted beyond {factor:.6g} of the load"
-    return Status("interrupted", told, time=factor)
+    message = f"the search for equilibria was interrupted beyond {factor:.6g} of the load"
+    return Status("interrupted", message, time=factor)
 
 
 def nothing(solver: str, scene: Scene, run: Discretisation | None, status: Status) -> Solution:

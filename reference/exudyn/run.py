@@ -138,8 +138,8 @@ class ExudynAdapter(Adapter):
         reached = float(t[-1])
         status = Status()
         if message is not None:
-            told = f"Exudyn found no equilibrium beyond load factor {reached:.6g}: {message}"
-            status = Status("failed", f"{told}; try more load_steps, and hold every body", reached)
+            message = f"Exudyn found no equilibrium beyond load factor {reached:.6g}: {message}"
+            status = Status("failed", f"{message}; try more load_steps, and hold every body", reached)
         return self._answer(model, t, spent, status)
 
     def _motion(self, model: Model) -> Answer:

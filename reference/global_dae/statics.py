@@ -130,10 +130,10 @@ class Search:
         code, why = "unstable", f"has {found.negative} negative eigenvalue{'s' * (found.negative > 1)}"
         if found.singular:
             code, why = "singular", "is singular: the scene is free to move, or at the limit of stability"
-        told = (
+        message = (
             f"the tangent stiffness at load factor {e.factor:.6g} {why}{where}; at {before:.6g} it was stable"
         )
-        return Status(code, told, time=e.factor, body=found.body)
+        return Status(code, message, time=e.factor, body=found.body)
 
     def beyond(self, factor: float) -> Status:
         """Of a search that has ended at a load factor."""

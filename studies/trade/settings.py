@@ -48,8 +48,8 @@ class Levels:
 
 def same_continuum(element: str, known: Sequence[str]) -> str:
     """The element, of those with references, that has the continuum of another one."""
-    alike = (e for e in known if e in KINDS and KINDS[e].continuum == KINDS[element].continuum)
-    return element if element in known else next(alike, element)
+    same = (e for e in known if e in KINDS and KINDS[e].continuum == KINDS[element].continuum)
+    return element if element in known else next(same, element)
 
 
 def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
