@@ -17,8 +17,8 @@ def with_load_work(found: Solution) -> Solution:
     """Equilibria of any solver with the work of what acts beside constant forces, whose potential they have.
 
     It is that of the whole loads, as `energy.potential` is: moments times angles, forces that vary in time times
-    displacements. Forces that turn with their place, and laws, have a work that depends on the way to the equilibrium: it is NaN
-    at all but the first.
+    displacements. Forces that turn with their place, and laws, have a work that depends on the way: it is NaN at all
+    but the first.
     """
     scene, work = found.scene, np.zeros(len(found.t))
     follows = any(isinstance(load, Force) and load.follower for load in scene.loads)
