@@ -18,15 +18,13 @@ T = TypeVar("T", bound=type)
 
 def _on_stack(context: Any, builder: Any, kind: Any, shape: tuple[int, ...]) -> Any:
     """An array of doubles in the frame of the function that is compiled, not set to zero."""
-    array, size = make_array(kind)(context, builder), kind.dtype.bitwidth // 8
-    length = shape[0] * (shape[1] if len(shape) == 2 else 1)
+    array, length = make_array(kind)(context, builder), shape[0] * (shape[1] if len(shape) == 2 else 1)
     memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), length))
-    constant = {n: context.get_constant(types.intp, n) for n in (*shape, size, size * shape[-1])}
-    strides = (size,) if len(shape) == 1 else (size * shape[1], size)
-    populate_array(
-        array, builder.bitcast(memory, ir.DoubleType().as_pointer()), [constant[n] for n in shape],
-        [constant[n] for n in strides], constant[size], None,
-    )  # fmt: skip
+    data, strides = builder.bitcast(memory, ir.DoubleType().as_pointer()), (8 * shape[-1], 8)[-len(shape) :]
+    sizes, steps, (item,) = (
+        [context.get_constant(types.intp, n) for n in each] for each in (shape, strides, (8,))
+    )
+    populate_array(array, data, sizes, steps, item, None)
     return array._getvalue()
 
 
