@@ -19,7 +19,11 @@ from anctmm.validation import one_of
 
 __all__ = ["solve", "solve_dense", "solve_plain", "solve_static"]
 
-OFFER = Offer(lacks=frozenset({"own-joints"}), extras=frozenset({"esdirk"}), slow_with=frozenset(MECHANISMS))
+OFFER = Offer(
+    lacks=frozenset({"own-joints"}),
+    extras=frozenset({"esdirk"}),
+    slow_with=frozenset({*MECHANISMS, "esdirk"}),
+)
 #: Bytes for each coordinate, and of a dense matrix for each pair.
 SPARSE, DENSE = 5_000.0, 24.0
 NAMES = {"sparse-factored-once": "global-dae", "dense-refactor": "global-dae-dense"}

@@ -147,7 +147,8 @@ def _settings(
         return
     own = KINDS.get(offer.element_of(element))
     rules = own.quadratures if own and own.quadratures and levels.case.scene.beams else QUADRATURES[:1]
-    integrators = [i for i in offer.integrators if options.integrator in (None, i)]
+    slow = frozenset() if options.solvers else offer.slow_with  # made for verification, and not for speed
+    integrators = [i for i in offer.integrators if options.integrator in (None, i) and i not in slow]
     for quadrature, integrator in product(rules[-1:] if quick else rules, integrators):
         for given, tightest in _choices(solver, integrator, quick):
             setting = {
