@@ -70,7 +70,10 @@ def order_of(A: Matrix, size: int) -> Ints:
     rows = sparse.csr_array(abs(A[size:, :size]))
     coupled = abs(A[:size, :size]) + rows.T @ rows
     dominant = Matrix(coupled + sparse.diags_array(1.0 + coupled.sum(axis=0)))
-    place = splu(dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).perm_c if size else np.zeros(0)
+    order = (
+        splu(dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).perm_c if size else np.zeros(0, int)
+    )
+    place = np.argsort(order)
     last = np.maximum.reduceat(place[rows.indices], rows.indptr[:-1]) if rows.shape[0] else np.zeros(0)
     return np.argsort(np.concatenate([place, last + 0.5]), kind="stable").astype(np.int64)
 
