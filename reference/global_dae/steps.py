@@ -15,9 +15,9 @@ from reference.global_dae.kernels import inlined, kernel
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Newton iterations of a step at most; ratio of corrections above which the matrix is renewed; a correction that is
-#: rounding where it no longer falls; values above HUGE have left all bounds.
-ITERATIONS, SLOW, STALLED, HUGE = 30, 0.3, 1e-8, 1e60
+#: Newton iterations of a step at most; ratio of corrections above which the matrix is renewed; corrections after which
+#: the next step renews it; a correction that is rounding where it no longer falls; values above HUGE have left all bounds.
+ITERATIONS, SLOW, MANY, STALLED, HUGE = 30, 0.3, 5, 1e-8, 1e60
 #: Places of the counts: Newton's corrections, factorizations, whether factors can be used.
 CORRECTIONS, FACTORIZATIONS, USABLE = range(3)
 
@@ -328,7 +328,7 @@ def newton(full: bool, equations: Equations, values: Array, b: Array) -> bool:
     """Find q_{n+1} and μ_{n+1}: with a new matrix each time if `full`, else with an old one while it contracts."""
     s, m = equations.scheme, equations.motion
     before, renew = np.inf, full or m.counts[USABLE] == 0
-    for _ in range(ITERATIONS):
+    for iteration in range(ITERATIONS):
         residual(equations, values, b)
         if not bounded(m.right):
             return False
@@ -342,6 +342,7 @@ def newton(full: bool, equations: Equations, values: Array, b: Array) -> bool:
         size = correct(s, m)
         m.counts[CORRECTIONS] += 1
         if size <= s.tolerance or (renew and 0.5 * before < size <= STALLED):
+            m.counts[USABLE] *= int(iteration + 1 < MANY)  # the next step begins with a new matrix
             return True
         renew = full or size > SLOW * before
         before = size
