@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Newton iterations of a step at most; ratio of corrections above which the matrix is renewed; corrections after which
-#: the next step renews it; a correction that is rounding where it no longer falls; values above HUGE have left all bounds.
+#: the next step renews it; a correction that is rounding where it no longer falls; values above HUGE are out of bounds.
 ITERATIONS, SLOW, MANY, STALLED, HUGE = 30, 0.3, 5, 1e-8, 1e60
 #: Places of the counts: Newton's corrections, factorizations, whether factors can be used.
 CORRECTIONS, FACTORIZATIONS, USABLE = range(3)
