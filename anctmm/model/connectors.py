@@ -7,18 +7,14 @@ together; the moment of a rotational spring is M = k (φ − φ₀) + c (φ' −
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import dist
-from typing import TYPE_CHECKING, Any, ClassVar, final
+from typing import Any, ClassVar, final
 
 from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, shown
 from anctmm.model.accepted import ConnectorKind, Point
 from anctmm.model.drives import breaks_of, value_at
-from anctmm.model.places import Place, Written, place_text, written
+from anctmm.model.places import Graph, Place, Written, place_text, written
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.validation import answer_of, has_length, not_negative, number, point
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
-
 
 Pair = Callable[[Any], tuple[Any, Any]]
 """t (s) → a value and its rate."""
@@ -182,7 +178,7 @@ def name_of(connector: Any) -> str:
     return f"{connector.called} from {place_text(connector.first)} to {to}"
 
 
-def ends_of(scene: "Scene", connector: Connector) -> tuple[Place, Place | Point | None]:
+def ends_of(scene: Graph, connector: Connector) -> tuple[Place, Place | Point | None]:
     """Both ends of a connector: places, or a point of the ground, or, of a rotational spring, the ground."""
     first, *second = map(scene.place, connector.places)
     return first, second[0] if second else connector.ground
@@ -202,7 +198,7 @@ def free_name(connector: Connector) -> str:
     return connector.free_name
 
 
-def check_connector(scene: "Scene", connector: Connector) -> None:
+def check_connector(scene: Graph, connector: Connector) -> None:
     """Refuse a connector that does not fit the scene, or whose functions give nothing at t = 0."""
     first, second = ends_of(scene, connector)
     places = [place for place in (first, second) if isinstance(place, Place)]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from anctmm.errors import UnknownKindError, shown
 from anctmm.model.accepted import LoadKind, Point
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.places import Written, written
+from anctmm.model.places import Graph, Written, written
 from anctmm.validation import flag, number, text, vector
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
 
 @final
@@ -131,7 +128,7 @@ def varies(load: Load) -> bool:
     return isinstance(load, Torque) or callable(load.value) or (isinstance(load, Force) and load.follower)
 
 
-def check_load(scene: "Scene", load: Load) -> None:
+def check_load(scene: Graph, load: Load) -> None:
     """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0."""
     if isinstance(load, LineLoad):
         scene.beam(load.body)

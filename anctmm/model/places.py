@@ -1,16 +1,13 @@
 """Places of bodies: their notation and meaning."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from anctmm.errors import UnknownNameError, listed, shown
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.velocities import Point
 from anctmm.validation import has_length, within
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
 #: How a place is written.
 Written = str | tuple[str, float]
@@ -105,7 +102,44 @@ class Place:
         return place_text(self.end)
 
 
-def place_of(scene: "Scene", place: object) -> Place:
+class Graph(Protocol):
+    """What functions of the model need of a scene: `anctmm.model.scene.Scene` has it."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies."""
+
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """All beams."""
+
+    @property
+    def joints(self) -> tuple[Any, ...]:
+        """All joints."""
+
+    @property
+    def dim(self) -> int:
+        """Components of a place."""
+
+    @property
+    def length(self) -> float:
+        """Length that positions are compared with, m."""
+
+    def body(self, name: str) -> Body:
+        """The body of a name."""
+
+    def beam(self, name: str) -> Beam:
+        """The beam of a name."""
+
+    def place(self, place: Any) -> Place:
+        """A place of a body."""
+
+
+def place_of(scene: Graph, place: object) -> Place:
     """What a place is: "name.start", ("name", fraction), "name.point".
 
     Raises

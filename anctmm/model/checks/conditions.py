@@ -5,7 +5,7 @@ A place moves by its position and its axes: those of the reference in a rigid bo
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,8 @@ from anctmm.errors import AnctmmError, PropertyError, reason, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.expressions import Scalar, Signal, Vector
 from anctmm.model.joints import Joint
-from anctmm.model.places import Place
+from anctmm.model.places import Graph, Place
 from anctmm.validation import is_point
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -84,7 +81,7 @@ def axes_of(place: Place) -> Array:
     return np.eye(dim)[: 0 if not place.turns else 1 if dim == 2 else 3]
 
 
-def conditions_of(scene: "Scene", joint: Joint) -> list[Condition]:
+def conditions_of(scene: Graph, joint: Joint) -> list[Condition]:
     """Equations of a joint at the start; PropertyError if those of a user's own kind raise, or are none."""
     ends = [end if is_point(end) else scene.place(end) for end in joint.attached]
     vectors = [

@@ -1,7 +1,6 @@
 """Whether the joints of a scene are compatible with each other and its bodies."""
 
 from collections.abc import Hashable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +15,8 @@ from anctmm.errors import (
 )
 from anctmm.model.checks.conditions import Condition, conditions_of, slope_of
 from anctmm.model.joints import JOINTS, Guide, Joint, check_drive
-from anctmm.model.places import Place
+from anctmm.model.places import Graph, Place
 from anctmm.model.rigid_bodies import RigidBody
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9
@@ -30,7 +26,7 @@ Row = dict[Hashable, float]
 """Factors of what an equation depends on: of a component of a vector of a place, or of a drive."""
 
 
-def check_joints(scene: "Scene") -> None:
+def check_joints(scene: Graph) -> None:
     """Refuse joints that do not fit the bodies, or each other.
 
     Raises
@@ -54,7 +50,7 @@ def check_joints(scene: "Scene") -> None:
             _check_gap(condition)
 
 
-def _check_ends(scene: "Scene", joint: Joint) -> None:
+def _check_ends(scene: Graph, joint: Joint) -> None:
     """Number of ends, their names, none twice."""
     if len(joint.ends) < joint.fewest:
         raise SceneError(f"{shown(joint)} names {len(joint.ends)} end(s); {joint.fewest} or more are needed")
@@ -72,7 +68,7 @@ def _check_ends(scene: "Scene", joint: Joint) -> None:
         )
 
 
-def _check_line(scene: "Scene", guide: Guide, name: str) -> None:
+def _check_line(scene: Graph, guide: Guide, name: str) -> None:
     body = scene.body(name)
     if not isinstance(body, RigidBody):
         raise UnknownKindError(

@@ -1,6 +1,6 @@
 """Whether the parts of a scene are of a known kind, and fit each other."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from anctmm.errors import SceneError, shown
 from anctmm.model.bodies import BODIES
@@ -10,9 +10,6 @@ from anctmm.model.connectors import CONNECTORS, check_connector
 from anctmm.model.joints import JOINTS, Joint
 from anctmm.model.loads import LOADS, check_load
 from anctmm.validation import several
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
 #: All kinds of parts, by what a scene calls them.
 KINDS: dict[str, tuple[type, ...]] = {
@@ -34,7 +31,7 @@ def parts_of(what: str, things: object) -> tuple[Any, ...]:
     return tuple(found)
 
 
-def check_parts(scene: "Scene") -> None:
+def check_parts(scene: Any) -> None:
     """Refuse parts that do not fit each other; errors as of `check_joints`, `check_connector` and `check_load`."""
     check_dimension(scene)
     check_joints(scene)

@@ -6,17 +6,14 @@ gravity. All else is refused by name.
 """
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from anctmm.errors import ResultError, SceneError, UnsupportedError, shown
 from anctmm.model.connectors import Spring
 from anctmm.model.loads import Force, LineLoad
 
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
-
-def check_dimension(scene: "Scene") -> None:
+def check_dimension(scene: Any) -> None:
     """Refuse what has another number of components than a scene's first body, or is not offered in so many."""
     dim = scene.dim
     for thing, count in _components(scene):
@@ -30,13 +27,13 @@ def check_dimension(scene: "Scene") -> None:
             raise UnsupportedError(f"{shown(thing)} {why}")
 
 
-def check_plane(scene: "Scene", what: str) -> None:
+def check_plane(scene: Any, what: str) -> None:
     """Refuse a result that is offered in the plane alone, by a ResultError."""
     if scene.dim == 3:
         raise ResultError(f"{what} are offered in the plane, and scene {scene.name!r} is in space")
 
 
-def _components(scene: "Scene") -> Iterable[tuple[Any, int]]:
+def _components(scene: Any) -> Iterable[tuple[Any, int]]:
     """Things with a number of components, and the number."""
     for body in scene.bodies:
         yield body, body.dim

@@ -5,7 +5,6 @@ the initial energy then depends on the mesh. Everything else must fit.
 """
 
 from math import sqrt
-from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -14,12 +13,9 @@ from numpy.typing import NDArray
 from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.checks.conditions import Condition, axes_of, conditions_of, rate_of
-from anctmm.model.places import Place
+from anctmm.model.places import Graph, Place
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.velocities import turned
-
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -34,7 +30,7 @@ MADE = (
 EPS = float(np.finfo(float).eps)
 
 
-def check_start(scene: "Scene") -> None:
+def check_start(scene: Graph) -> None:
     """Refuse initial velocities that joints cannot have, and warn of those that clamps replace.
 
     A JointGapError names the joint, its places and their velocities.
@@ -79,7 +75,7 @@ def velocity_of(place: Place, axis: int) -> Array:
     raise AssertionError("a point mass has no axes")
 
 
-def _slack(scene: "Scene", conditions: list[Condition]) -> float:
+def _slack(scene: Graph, conditions: list[Condition]) -> float:
     """Difference of velocities that counts as none, m/s: of the largest one, and of what strains bodies by rounding.
 
     A velocity of ε times the speed of axial waves strains a beam by ε.
