@@ -43,7 +43,7 @@ class Stability:
     motion : ndarray, shape (unknowns,)
         The one in which the energy grows least, of size 1, towards positive y (or x).
     flutter : bool
-        Whether motions grow that swing to and fro.
+        Whether oscillations grow.
     """
 
     kind: Literal["stable", "unstable", "singular"]

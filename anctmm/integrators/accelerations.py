@@ -19,7 +19,7 @@ from anctmm.system.calls import (
     set_rows,
     solve_for,
 )
-from anctmm.system.elastic import subtract_inertia
+from anctmm.system.elastic import subtract_driven_inertia
 from anctmm.system.equations import set_matrix
 from anctmm.system.matrix import gather
 from anctmm.system.tables import Inputs, Tables
@@ -51,7 +51,7 @@ def solve_accelerations(
     """
     rows, matrix = tables.rows, tables.matrix
     if len(tables.driven.node) > 0:
-        subtract_inertia(space, tables.elements, state.w, state.f)
+        subtract_driven_inertia(space, tables.elements, tables.driven, state.w, state.f)
     gather(space, matrix.at, state.f, matrix.unknowns)
     if len(rows.at) > 0:
         set_accelerations(tables, state.q, state.v, state.w, signals)

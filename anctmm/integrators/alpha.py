@@ -16,6 +16,7 @@ from anctmm.integrators.newton import Coefficients, iterate, set_end
 from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
 from anctmm.kernels.options import inlined, kernel, part
+from anctmm.system.forces import place_driven
 from anctmm.system.tables import Inputs, Tables
 
 Array = NDArray[np.float64]
@@ -68,16 +69,13 @@ def begin(tables: Tables, c: Coefficients, state: State, signals: Array) -> None
         for i in range(w.shape[1]):
             w[k, i] = before[k, i]
     set_end(state, c)
-    driven = tables.driven
+    driven, q, v = tables.driven, state.q, state.v
+    place_driven(driven, signals, q, v, w)
     for n in range(len(driven.node)):
         i, a = driven.node[n], driven.component[n]
-        for k in range(driven.b.shape[1]):
-            x = 0.0
-            for t in range(driven.start[n], driven.start[n + 1]):
-                x += signals[driven.signal[t], 0] * driven.b[t, k]
-            state.q[a + k, i] = x
-            state.w[a + k, i] = c.to_w * (x - state.base[a + k, i])
-            state.v[a + k, i] = state.rate[a + k, i] + c.to_v * state.w[a + k, i]
+        for k in range(a, a + driven.b.shape[1]):
+            w[k, i] = c.to_w * (q[k, i] - state.base[k, i])
+            v[k, i] = state.rate[k, i] + c.to_v * w[k, i]
 
 
 @part

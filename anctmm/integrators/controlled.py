@@ -15,9 +15,8 @@ from anctmm.integrators.esdirk import step_esdirk
 from anctmm.integrators.newton import Coefficients, renew
 from anctmm.integrators.output import count_work, keep, stage_power, too_large
 from anctmm.integrators.starting import balance
-from anctmm.integrators.state import NONE, ONE
 from anctmm.integrators.turning import count_turns
-from anctmm.kernels.options import kernel, part
+from anctmm.kernels.options import NONE, ONE, kernel, part
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.calls import solve_for
 from anctmm.system.elastic import subtract_inertia

@@ -55,8 +55,6 @@ class State(NamedTuple):
     scale: Array
 
 
-#: For kernels no literals, for which others would be compiled once more.
-NONE, ONE = np.int64(0), np.int64(1)
 #: Newton corrections in a step at most.
 ITERATIONS = 30
 

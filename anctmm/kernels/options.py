@@ -14,10 +14,13 @@ from typing import Any
 
 import llvmlite
 import numba
+import numpy as np
 
 _settings: Any = numba.config
 _njit: Any = numba.njit
 
+#: Integers that kernels give to others; for a literal these would be compiled once more.
+NONE, ONE, TWO = map(np.int64, range(3))
 #: Packages whose modules hold kernels.
 SOURCES = ("kernels", "elements", "elimination", "system", "integrators", "equilibria")
 #: NaN and infinity keep their meaning, and sums their order; a product and a sum may be one instruction. Kernels take

@@ -9,7 +9,7 @@ from anctmm.elements.compiled import MODULES, address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.kernels.intrinsics import by_address, call, call_number
-from anctmm.kernels.options import part
+from anctmm.kernels.options import ONE, part
 from anctmm.system.body_meshes import BeamMesh
 from anctmm.system.matrix import add
 from anctmm.system.mesh import Mesh
@@ -22,8 +22,6 @@ Zeros = tuple[int, ...]
 
 #: Columns of the addresses of kernels.
 FORCES, DAMPING, TANGENTS, ENERGY = range(4)
-#: For kernels no literal, for which others would be compiled once more.
-ONE = np.int64(1)
 
 
 @by_address
@@ -220,6 +218,14 @@ def subtract_inertia(space: Zeros, elements: Elements, w: Array, f: Array) -> No
     """Subtract M w from f."""
     for b in range(len(elements.first)):
         _row_inertia(space, elements.masses[b], w, elements.first[b], elements.number[b], f)
+    subtract_rigid_inertia(elements, w, f)
+
+
+@part
+def subtract_driven_inertia(space: Zeros, elements: Elements, driven: Any, w: Array, f: Array) -> None:
+    """The same where w is zero but at driven vectors."""
+    for k in range(len(driven.beam)):
+        _row_inertia(space, elements.masses[driven.beam[k]], w, driven.element[k], ONE, f)
     subtract_rigid_inertia(elements, w, f)
 
 

@@ -28,10 +28,10 @@ def place_driven(driven, signals, q, v, w):  # type: ignore[no-untyped-def]
 
 
 @part
-def set_forces(
+def set_given(
     space: tuple[int, ...], tables: Tables, q: Array, v: Array, inputs: Inputs, n: int, f: Array
 ) -> None:
-    """All forces at q and v but inertia and those of the rows, (rows, nodes)."""
+    """Gravity and the forces of loads and connectors at q and v, (rows, nodes)."""
     dead = tables.dead
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
@@ -40,6 +40,14 @@ def set_forces(
         add_loads(space, tables, q, inputs.loads[n], f)
     if len(tables.acting.kind) > 0:
         add_connectors(space, tables, q, v, inputs.free[n], inputs.t[n], f)
+
+
+@part
+def set_forces(
+    space: tuple[int, ...], tables: Tables, q: Array, v: Array, inputs: Inputs, n: int, f: Array
+) -> None:
+    """All forces at q and v but inertia and those of the rows, (rows, nodes)."""
+    set_given(space, tables, q, v, inputs, n, f)
     if tables.damped[1] != 0:
         subtract_damping(space, tables, q, v, f)
     subtract_elastic(space, tables, q, f)
@@ -57,14 +65,7 @@ def set_reactions(
     f: Array,
 ) -> None:
     """Make f the forces that drives exert on driven vectors; elsewhere it means nothing."""
-    dead = tables.dead
-    for k in range(f.shape[0]):
-        for i in range(f.shape[1]):
-            f[k, i] = dead[k, i]
-    if len(tables.acting.load_kind) > 0:
-        add_loads(space, tables, q, inputs.loads[n], f)
-    if len(tables.acting.kind) > 0:
-        add_connectors(space, tables, q, v, inputs.free[n], inputs.t[n], f)
+    set_given(space, tables, q, v, inputs, n, f)
     subtract_beside(space, tables, q, v, w, f)
     subtract_rigid_inertia(tables.elements, w, f)
     add_row_forces(tables.rows, f)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.kernels.intrinsics import by_address
-from anctmm.kernels.options import part
+from anctmm.kernels.options import ONE, TWO, part
 from anctmm.model.expressions import Signal
 from anctmm.system.body_meshes import SpatialMesh
 from anctmm.system.numbering import Numbering
@@ -73,8 +73,6 @@ class Rows(NamedTuple):
 
 #: δ of a row, over ΣJ²/(c m): large beside rounding, small beside what a correction by Newton's method mends.
 REGULARISATION = 1e-12
-#: Orders of derivatives; for kernels no literals, for which others would be compiled once more.
-FIRST, SECOND = np.int64(1), np.int64(2)
 
 
 def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Rows:
@@ -219,7 +217,7 @@ def set_jacobian(rows: Rows, q: Array, signals: Array) -> None:
 def set_rates(rows: Rows, q: Array, v: Array, signals: Array) -> float:
     """Rates ġ = J v + ∂g/∂t in place of the values, with the J of `set_jacobian`; the largest of them."""
     multiply(rows, v)
-    add_time_parts(rows, q, v, signals, FIRST)
+    add_time_parts(rows, q, v, signals, ONE)
     largest = 0.0
     for k in range(len(rows.g)):
         largest = max(largest, abs(rows.g[k]))
@@ -229,7 +227,7 @@ def set_rates(rows: Rows, q: Array, v: Array, signals: Array) -> float:
 def set_accelerations(rows: Rows, q: Array, v: Array, w: Array, signals: Array) -> None:
     """Second derivatives J w + … in place of the values, with the J of `set_jacobian`."""
     multiply(rows, w)
-    add_time_parts(rows, q, v, signals, SECOND)
+    add_time_parts(rows, q, v, signals, TWO)
 
 
 @part
@@ -285,7 +283,7 @@ def add_row_forces(rows: Rows, f: Array) -> None:
 def drive_power(rows: Rows, q: Array, signals: Array) -> float:
     """Power of what drives rows, W: λ ∂g/∂t."""
     rows.g[:] = 0.0
-    add_time_parts(rows, q, q, signals, FIRST)
+    add_time_parts(rows, q, q, signals, ONE)
     power = 0.0
     for k in range(len(rows.g)):
         power += rows.multiplier[k] * rows.g[k]

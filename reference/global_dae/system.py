@@ -28,7 +28,7 @@ class System:
         self.still = np.zeros(self.size)
         loads = [LoadForce(layout, load) for load in layout.scene.loads]
         self.connectors = [ConnectorForce(layout, c) for c in layout.scene.connectors]
-        # weight: the mass accelerated alike everywhere
+        # weight: the mass under one acceleration
         self.dead = self.mass @ (layout.places * np.resize(layout.scene.gravity, self.size))
         for load in (load for load in loads if load.dead):
             np.add.at(self.dead, load.vectors[0].at, load.value(0.0) @ load.vectors[0].A)

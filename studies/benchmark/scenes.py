@@ -40,9 +40,7 @@ class Item:
     made: Callable[[], at.Scene]
     elements: int  # in all; of rigid bodies their number
     kind: str  # of the steps: a key of METHODS
-    options: dict[str, Any] = field(
-        default_factory=dict
-    )  # mesh, element, …; the step where it is another one
+    options: dict[str, Any] = field(default_factory=dict)  # mesh, element, …; another step
     solvers: tuple[str, ...] = (OURS,)  # in turn in `anctmm bench`; the others are compared with the first
 
     @property

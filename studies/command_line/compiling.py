@@ -27,9 +27,7 @@ def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int |
     first, *others = list[str]((*MOTIONS, "statics", "modes"))
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         for names in ((first,), others):  # what all kinds share is compiled with the first
-            kinds = [
-                kind for kind in product(names, ELEMENTS) if kind != ("modes", "space")
-            ]  # no modes in space
+            kinds = [kind for kind in product(names, ELEMENTS) if kind != ("modes", "space")]
             for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
                 done(future.result())
 

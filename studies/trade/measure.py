@@ -29,7 +29,7 @@ LIKE = (0.0, 0.5, 1.0)
 #: Kinds of outcome, by the code of a status; any other is a failure of the solver.
 OUTCOMES = {"unsupported": "not representable", "refused": "setting refused", "": "takes too long"}
 #: Columns that are the same in runs that differ by the bounds of their iteration only.
-ALIKE = ["solver", "asked", "quadrature", "integrator", "elements", "dt", "tolerance"]
+SETTING = ["solver", "asked", "quadrature", "integrator", "elements", "dt", "tolerance"]
 #: A run by a fine step, and the uncertainty of that step.
 Fine = tuple[Solution, float] | None
 
@@ -134,7 +134,7 @@ def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine
 
 def _bounded(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with robust errors of the step, and the bound of the error: the sum of its parts and of the reference's."""
-    settings = list(rows[ALIKE].astype(str).itertuples(index=False, name=None))
+    settings = list(rows[SETTING].astype(str).itertuples(index=False, name=None))
     step = robust(rows["step_error"].astype(float), settings, rows["tightest"].to_list())
     return rows.assign(step_error=step, error_bound=rows["mesh_error"] + step + rows["reference_error"])
 

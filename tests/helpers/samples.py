@@ -10,6 +10,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.stability import highest_frequency
 from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.joints import Joint
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
 from anctmm.system.system import System
@@ -20,6 +21,14 @@ A, B, C = (0.0, 0.0), (1.0, 0.0), (2.0, 0.0)
 KINDS = ("cable", "shear")
 INTEGRATORS = ("zhai", "generalized-alpha")
 SUPPORTS = {"free": lambda end: (), "pin": lambda end: (Pin(end),), "clamp": lambda end: (Clamp(end),)}
+
+
+class RigidLink(Joint):
+    """Massless rigid link between two places: a kind of joint that the package does not have."""
+
+    def equations(self, a, b):
+        d = b.position - a.position
+        return [d @ d - float(d.start @ d.start)]
 
 
 def beam(name="a", start=A, end=B, section=SQUARE, material=SOFT, velocity=None):

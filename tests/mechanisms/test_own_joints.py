@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import RigidLink
 
 import anctmm as at
 
@@ -13,14 +14,6 @@ STEPS: dict[str, dict[str, Any]] = {
     "generalized-alpha": {"dt": 1e-3, "t_end": 0.1, "output_dt": 0.01, "newton_tolerance": 1e-12},
     "esdirk": {"dt": 4e-3, "t_end": 0.1, "output_dt": 0.02},
 }
-
-
-class RigidLink(at.Joint):
-    """Massless rigid link between two places."""
-
-    def equations(self, a, b):
-        d = b.position - a.position
-        return [d @ d - float(d.start @ d.start)]
 
 
 class HalfWay(at.Joint):

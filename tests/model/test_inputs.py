@@ -191,7 +191,7 @@ WORDS = {
 NOT_SHOWN = ("list", "nested", "square", "type")
 
 
-def told(name, call, value):
+def message_of(name, call, value):
     """Message of what is raised; None if nothing is. Only exceptions of `anctmm.errors` pass."""
     try:
         call(value)
@@ -232,7 +232,7 @@ def test_junk_is_refused_by_name(name):
 def feed(name, junk):
     """Give junk to a place; an error unless it is refused as it should be, or taken for a reason."""
     value = JUNK[junk]
-    message = told(name, EVERYWHERE[name], value)
+    message = message_of(name, EVERYWHERE[name], value)
     if (name.strip(), junk) == ("run", "None"):
         assert message is not None
         assert message.startswith("mesh is missing")
@@ -249,15 +249,15 @@ def feed(name, junk):
 @pytest.mark.parametrize("kind", NUMBERS)
 def test_real_numbers_of_any_kind_are_numbers(name, kind):
     """They are kept as floats, or refused for their size alone."""
-    message = told(name, NUMERIC[name], NUMBERS[kind])
-    plain = told(name, NUMERIC[name], float(NUMBERS[kind]))
+    message = message_of(name, NUMERIC[name], NUMBERS[kind])
+    plain = message_of(name, NUMERIC[name], float(NUMBERS[kind]))
     assert (message is None) == (plain is None)
 
 
 @pytest.mark.parametrize("name", POINTS)
 @pytest.mark.parametrize("kind", PAIRS)
 def test_ordered_pairs_of_any_kind_are_points(name, kind):
-    assert told(name, POINTS[name], PAIRS[kind]) is None
+    assert message_of(name, POINTS[name], PAIRS[kind]) is None
 
 
 # --- functions ---------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from samples import RigidLink
 from test_space import PLANE, WAYS, bricard, cable, crank, lifted, same
 
 import anctmm as at
@@ -151,15 +152,8 @@ def test_redundant_hinges_in_space_have_finite_reactions_with_the_right_sum():
 
 
 def test_the_force_in_a_link_of_a_users_own():
-    class Link(at.Joint):
-        """Massless rigid link between two places."""
-
-        def equations(self, a, b):
-            d = b.position - a.position
-            return [d @ d - float(d.start @ d.start)]
-
     mass = at.PointMass("bob", 2.0, (1.0, 0.0, 0.0), (0.0, 2.0, 0.0))
-    link = Link("bob.center", (0.0, 0.0, 0.0))
+    link = RigidLink("bob.center", (0.0, 0.0, 0.0))
     found = at.solve(
         at.Scene("link", [mass], [link], gravity=G), integrator="esdirk", dt=1e-3, t_end=0.3, output_dt=0.1
     )

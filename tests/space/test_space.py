@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from samples import RigidLink
 
 import anctmm as at
 from anctmm.errors import DiscretisationError, PropertyError, ResultError, SceneError, UnsupportedError
@@ -159,15 +160,8 @@ def test_an_equilibrium_in_a_tilted_plane():
 
 
 def test_a_joint_of_a_users_own_in_space():
-    class Link(at.Joint):
-        """Massless rigid link between two places."""
-
-        def equations(self, a, b):
-            d = b.position - a.position
-            return [d @ d - float(d.start @ d.start)]
-
     mass = at.PointMass("bob", 2.0, (1.0, 0.0, 0.0), (0.0, 2.0, 0.0))
-    scene = at.Scene("link", [mass], [Link("bob.center", (0.0, 0.0, 0.0))], gravity=(0.0, 0.0, -9.81))
+    scene = at.Scene("link", [mass], [RigidLink("bob.center", (0.0, 0.0, 0.0))], gravity=(0.0, 0.0, -9.81))
     found = at.solve(scene, integrator="esdirk", dt=1e-3, t_end=1.0, output_dt=0.1, newton_tolerance=1e-12)
     x, v = found.position("bob.center"), found.velocity("bob.center")
     assert np.abs(np.linalg.norm(x, axis=1) - 1.0).max() < 1e-10

@@ -21,7 +21,7 @@ def unstable(
     """Status of an unstable equilibrium, with so many negative eigenvalues of the tangent stiffness.
 
     Body and element are those that move most as the energy falls; `stable_until` is the last load factor with a stable
-    equilibrium, or 0; `advice` says how one can be found; with `flutter` motions grow that swing to and fro.
+    equilibrium, or 0; `advice` says how one can be found; with `flutter` oscillations grow.
     """
     count = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
     why = "small oscillations grow (flutter)" if flutter else f"the tangent stiffness has {count}"

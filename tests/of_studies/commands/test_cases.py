@@ -31,7 +31,7 @@ WRONG = {
 }
 
 
-def told(*arguments):
+def ended(*arguments):
     done = CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "200"})
     return done.exit_code, " ".join(done.output.split())
 
@@ -41,13 +41,13 @@ def test_a_file_that_cannot_be_used_is_named(name, tmp_path, monkeypatch):
     content, said = WRONG[name]
     monkeypatch.chdir(tmp_path)
     Path("my.py").write_text(content)
-    code, output = told("list", "my.py")
+    code, output = ended("list", "my.py")
     assert (code, said in output) == (2, True), output
 
 
 @pytest.mark.parametrize("path", ["nowhere.py", "a/b.py", "."])
 def test_a_file_that_is_not_there_is_named(path):
-    assert told("list", path)[0] == 2
+    assert ended("list", path)[0] == 2
     with pytest.raises(CaseError, match=r"no (such )?file; a Python file that defines CASES is needed"):
         cases_in(path)
 
@@ -60,7 +60,7 @@ def test_a_file_may_import_its_neighbours_and_leaves_no_trace(tmp_path):
 
 @pytest.mark.parametrize("file", FILES)
 def test_cases_of_files_are_listed(file):
-    code, output = told("list", file)
+    code, output = ended("list", file)
     assert code == 0
     for case in cases_in(file):
         assert case.name in output
