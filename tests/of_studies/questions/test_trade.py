@@ -51,7 +51,9 @@ def test_every_solver_has_a_row_at_each_target(result):
     good = equal[equal["status"] == "ok"]
     assert (good.groupby("target")["ratio"].min() == 1.0).all()
     assert (good["whole_s"] > good["cpu_s"]).all()
-    assert (good["corrections_per_step"] > 0.5).all()
+    corrections = good["corrections_per_step"].dropna()  # explicit steps have none
+    assert len(corrections) > 0
+    assert (corrections > 0.5).all()
 
 
 def test_solvers_at_the_same_setting_have_the_same_error(result):
