@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 
 Ints = NDArray[np.int64]
 

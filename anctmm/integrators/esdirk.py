@@ -22,7 +22,7 @@ from anctmm.integrators.newton import Coefficients, iterate, set_end
 from anctmm.integrators.output import Output, keep_due, stage_power
 from anctmm.integrators.starting import balance
 from anctmm.integrators.state import State
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.options import NONE, inlined, kernel, part
 from anctmm.system.calls import set_jacobian, set_rates, set_rows
 from anctmm.system.forces import place_driven

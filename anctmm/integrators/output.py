@@ -10,7 +10,7 @@ from anctmm.integrators.starting import rests
 from anctmm.integrators.state import State
 from anctmm.integrators.turning import Turning, count_turns, turning_of
 from anctmm.kernels.announcing import compiling
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.options import part
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.topology import turning_bodies

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.system.body_meshes import RigidMesh
 from anctmm.system.mesh import Mesh
 from anctmm.system.system import System

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.options import part
 from anctmm.model.bodies import Beam
 from anctmm.model.places import Place

@@ -5,15 +5,13 @@
 - Calls of C functions by their address.
 """
 
-from typing import Any, TypeVar
+from typing import Any
 
 from llvmlite import ir
-from numba import extending, typeof, types
+from numba import extending, types
 from numba.core import cgutils, errors
 from numba.core.typing.templates import AttributeTemplate
 from numba.np.arrayobj import make_array, populate_array
-
-T = TypeVar("T", bound=type)
 
 
 def _on_stack(context: Any, builder: Any, kind: Any, shape: tuple[int, ...]) -> Any:
@@ -51,19 +49,6 @@ class Reference(types.Type):
 extending.register_model(Reference)(extending.models.PointerModel)
 
 
-def by_address(kind: T) -> T:
-    """Let kernels get a class of named tuples by its address; its entries cannot be set there."""
-
-    def reference_to(value: Any, _: Any) -> Any:
-        kinds = [typeof(one) for one in value]
-        if any(isinstance(one, types.Array) and one.layout != "C" for one in kinds):
-            raise TypeError(f"arrays of {kind.__name__} must be contiguous")
-        return Reference(types.NamedTuple(kinds, kind))
-
-    extending.typeof_impl.register(kind)(reference_to)
-    return kind
-
-
 @extending.infer_getattr
 class _Fields(AttributeTemplate):
     """Types of its entries."""
@@ -82,10 +67,10 @@ def _entry(context: Any, builder: Any, kind: Any, address: Any, name: str) -> An
 
 @extending.unbox(Reference)
 def _unbox(kind: Any, value: Any, c: Any) -> Any:
-    """Put the tuple into the frame of the wrapper through which Python calls a kernel."""
-    whole = c.unbox(kind.dtype, value)
-    address = cgutils.alloca_once_value(c.builder, whole.value)
-    return extending.NativeValue(address, cleanup=whole.cleanup, is_error=whole.is_error)
+    number = c.pyapi.object_getattr_string(value, "address")
+    address = c.pyapi.long_as_voidptr(number)
+    c.pyapi.decref(number)
+    return extending.NativeValue(c.builder.bitcast(address, c.context.get_value_type(kind)))
 
 
 def _called(result: Any, address: Any, given: tuple[Any, ...]) -> Any:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import UnsupportedError, shown
-from anctmm.kernels.intrinsics import by_address, call_number, matrix, vector
+from anctmm.kernels.by_address import by_address
+from anctmm.kernels.intrinsics import call_number, matrix, vector
 from anctmm.kernels.options import inlined, part
 from anctmm.model.connectors import Connector, RotationalSpring, Spring, ends_of, name_of
 from anctmm.model.expressions import Vector

@@ -4,6 +4,7 @@ What is called in the usual way becomes part of the machine code of each of its 
 Here each function has the name of the one that it calls, whose docstring describes it.
 """
 
+from collections import namedtuple
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -12,10 +13,11 @@ import numpy as np
 from numba import typeof, types
 from numpy.typing import NDArray
 
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.intrinsics import call, call_number
 from anctmm.kernels.options import c_function, kernel, part
 from anctmm.system import acting, elastic, matrix, rows
-from anctmm.system.tables import Inputs, Tables
+from anctmm.system.tables import Inputs
 
 Array = NDArray[np.float64]
 Zeros = tuple[int, ...]
@@ -50,152 +52,149 @@ FUNCTIONS: list[tuple[Callable[..., Any], Any, tuple[Any, ...]]] = [
     (matrix.factorize_matrix, _NUMBER, ("size", "matrix")),
     (matrix.solve_for, _NONE, ("size", "space", "matrix", "rows", _A)),
 ]
-#: Their places.
-(
-    ELASTIC, DAMPING, BESIDE, MASS, TANGENT, KINETIC, STRAIN, LOADS, CONNECTORS, ACTING_TANGENTS, WORK, POWER, ROWS,
-    JACOBIAN, RATES, ACCELERATIONS, DRIVE_POWER, DRIVE_WORK, ADD_ROWS, FACTORIZE, SOLVE,
-) = range(len(FUNCTIONS))  # fmt: skip
+#: Their addresses, by their names.
+Calls: Any = by_address(namedtuple("Calls", [function.__name__ for function, _, _ in FUNCTIONS]))
 
 
-def addresses_of(size: Zeros, space: Zeros, tables: Tables) -> NDArray[np.int64]:
-    """Addresses of all functions for a scene."""
-    given = {"size": size, "space": space, "inputs": INPUTS, **tables._asdict()}
-    return _addresses(tuple((name, typeof(one)) for name, one in given.items()))
+def calls_of(size: Zeros, space: Zeros, parts: dict[str, Any]) -> Any:
+    """Addresses of all functions for a scene; parts: what it has, by the names in `FUNCTIONS`."""
+    given = {"size": size, "space": space, "inputs": INPUTS, **parts}
+    return Calls(*_addresses(tuple((name, typeof(one)) for name, one in given.items())))
 
 
 @cache
-def _addresses(kinds: tuple[tuple[str, Any], ...]) -> NDArray[np.int64]:
+def _addresses(kinds: tuple[tuple[str, Any], ...]) -> list[int]:
     """The same by names and types of what a scene has."""
     known = dict(kinds)
     compiled = [
         c_function(result(*(known[one] if isinstance(one, str) else one for one in arguments)), function)
         for function, result, arguments in FUNCTIONS
     ]
-    return np.array([one.address for one in compiled], dtype=np.int64)
+    return [int(one.address) for one in compiled]
 
 
 @part
 def subtract_elastic(space, tables, q, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    call(tables.calls[ELASTIC], space, tables.elements, q, f)
+    call(tables.calls.subtract_elastic, space, tables.elements, q, f)
 
 
 @part
 def subtract_damping(space, tables, q, v, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    call(tables.calls[DAMPING], space, tables.elements, q, v, f)
+    call(tables.calls.subtract_damping, space, tables.elements, q, v, f)
 
 
 @part
 def subtract_beside(space, tables, q, v, w, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    call(tables.calls[BESIDE], space, tables.elements, tables.driven, q, v, w, f)
+    call(tables.calls.subtract_beside, space, tables.elements, tables.driven, q, v, w, f)
 
 
 @part
 def add_mass(size, space, tables, factor):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    call(tables.calls[MASS], size, space, tables.elements, factor, tables.matrix.flat)
+    call(tables.calls.add_mass, size, space, tables.elements, factor, tables.matrix.flat)
 
 
 @part
 def add_tangent(size, space, tables, q, factor):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    call(tables.calls[TANGENT], size, space, tables.elements, q, factor, tables.matrix.flat)
+    call(tables.calls.add_tangent, size, space, tables.elements, q, factor, tables.matrix.flat)
 
 
 @part
 def kinetic_energy(space, tables, v, scratch):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    return call_number(tables.calls[KINETIC], space, tables.elements, v, scratch)
+    return call_number(tables.calls.kinetic_energy, space, tables.elements, v, scratch)
 
 
 @kernel
 def strain_energy(tables, q):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    return call_number(tables.calls[STRAIN], tables.elements, q)
+    return call_number(tables.calls.strain_energy, tables.elements, q)
 
 
 @part
 def add_loads(space, tables, q, values, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    call(tables.calls[LOADS], space, tables.acting, q, values, f)
+    call(tables.calls.add_loads, space, tables.acting, q, values, f)
 
 
 @part
 def add_connectors(space, tables, q, v, free, t, f):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    call(tables.calls[CONNECTORS], space, tables.acting, q, v, free, t, f)
+    call(tables.calls.add_connectors, space, tables.acting, q, v, free, t, f)
 
 
 @part
 def add_acting_tangents(size, space, tables, q, v, inputs, n, factor, rate):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    flat, address = tables.matrix.flat, tables.calls[ACTING_TANGENTS]
+    flat, address = tables.matrix.flat, tables.calls.add_acting_tangents
     call(address, size, space, tables.acting, q, v, inputs, n, factor, rate, flat)
 
 
 @part
 def work_done(space, tables, moving, q, inputs, n, out):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    call(tables.calls[WORK], space, tables.acting, moving, q, inputs, n, out)
+    call(tables.calls.work_done, space, tables.acting, moving, q, inputs, n, out)
 
 
 @part
 def power(space, tables, q, v, inputs, n, out):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
-    call(tables.calls[POWER], space, tables.acting, q, v, inputs, n, out)
+    call(tables.calls.power, space, tables.acting, q, v, inputs, n, out)
 
 
 @part
 def set_rows(tables, q, signals):  # type: ignore[no-untyped-def]
     """See `anctmm.system.rows`."""
-    return call_number(tables.calls[ROWS], tables.rows, q, signals)
+    return call_number(tables.calls.set_rows, tables.rows, q, signals)
 
 
 @part
 def set_jacobian(tables, q, signals):  # type: ignore[no-untyped-def]
     """See `anctmm.system.rows`."""
-    call(tables.calls[JACOBIAN], tables.rows, q, signals)
+    call(tables.calls.set_jacobian, tables.rows, q, signals)
 
 
 @part
 def set_rates(tables, q, v, signals):  # type: ignore[no-untyped-def]
     """See `anctmm.system.rows`."""
-    return call_number(tables.calls[RATES], tables.rows, q, v, signals)
+    return call_number(tables.calls.set_rates, tables.rows, q, v, signals)
 
 
 @part
 def set_accelerations(tables, q, v, w, signals):  # type: ignore[no-untyped-def]
     """See `anctmm.system.rows`."""
-    call(tables.calls[ACCELERATIONS], tables.rows, q, v, w, signals)
+    call(tables.calls.set_accelerations, tables.rows, q, v, w, signals)
 
 
 @part
 def drive_power(tables, q, signals):  # type: ignore[no-untyped-def]
     """See `anctmm.system.rows`."""
-    return call_number(tables.calls[DRIVE_POWER], tables.rows, q, signals)
+    return call_number(tables.calls.drive_power, tables.rows, q, signals)
 
 
 @part
 def drive_work(tables, q, signals, moving, memory):  # type: ignore[no-untyped-def]
     """See `anctmm.system.rows`."""
-    return call_number(tables.calls[DRIVE_WORK], tables.rows, q, signals, moving, memory)
+    return call_number(tables.calls.drive_work, tables.rows, q, signals, moving, memory)
 
 
 @part
 def add_rows(size, tables, mass, stiffness, signals):  # type: ignore[no-untyped-def]
     """See `anctmm.system.matrix`."""
-    call(tables.calls[ADD_ROWS], size, tables.rows, tables.matrix.flat, mass, stiffness, signals)
+    call(tables.calls.add_rows, size, tables.rows, tables.matrix.flat, mass, stiffness, signals)
 
 
 @kernel
 def factorize_matrix(size, tables):  # type: ignore[no-untyped-def]
     """See `anctmm.system.matrix`."""
-    return int(call_number(tables.calls[FACTORIZE], size, tables.matrix))
+    return int(call_number(tables.calls.factorize_matrix, size, tables.matrix))
 
 
 @part
 def solve_for(size, space, tables, x):  # type: ignore[no-untyped-def]
     """See `anctmm.system.matrix`."""
-    call(tables.calls[SOLVE], size, space, tables.matrix, tables.rows, x)
+    call(tables.calls.solve_for, size, space, tables.matrix, tables.rows, x)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from anctmm.elements.compiled import MODULES, address
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
-from anctmm.kernels.intrinsics import by_address, call, call_number
+from anctmm.kernels.by_address import by_address
+from anctmm.kernels.intrinsics import call, call_number
 from anctmm.kernels.options import ONE, part
 from anctmm.system.body_meshes import BeamMesh
 from anctmm.system.matrix import add

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.elimination.factor import factorize, solve
 from anctmm.elimination.order import Plan
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.options import inlined, kernel, part
 from anctmm.system.rows import Rows
 

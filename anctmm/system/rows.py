@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.options import ONE, TWO, part
 from anctmm.model.expressions import Signal
 from anctmm.system.body_meshes import SpatialMesh

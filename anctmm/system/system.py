@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from anctmm.model.loads import load_text, varies, width_of
 from anctmm.model.scene import Scene
 from anctmm.system.acting import Writer, dead_forces
 from anctmm.system.body_meshes import RigidMesh, SpatialMesh
-from anctmm.system.calls import FUNCTIONS, addresses_of
+from anctmm.system.calls import calls_of
 from anctmm.system.elastic import elements_of, vector_masses
 from anctmm.system.mesh import GroundPlace, JointPlace, Mesh
 from anctmm.system.numbering import Numbering
@@ -123,12 +124,15 @@ class System:
         damped = (
             elements.damping.any() or acting.numbers[:, 1].any() or acting.law.any() or self._drives_lengths
         )
-        tables = Tables(
-            elements, rows, acting, matrix, self._driven(), dead_forces(mesh, self.scene.loads),
-            np.array([bool(damped), elements.damping.any()], dtype=np.int64), np.zeros(len(FUNCTIONS), np.int64),
-        )  # fmt: skip
-        tables.calls[:] = addresses_of(self.size, self.space, tables)
-        return tables
+        parts: dict[str, Any] = {
+            "elements": elements, "rows": rows, "acting": acting, "matrix": matrix, "driven": self._driven()
+        }  # fmt: skip
+        return Tables(
+            **parts,
+            dead=dead_forces(mesh, self.scene.loads),
+            damped=np.array([bool(damped), elements.damping.any()], dtype=np.int64),
+            calls=calls_of(self.size, self.space, parts),
+        )
 
     @property
     def _drives_lengths(self) -> bool:

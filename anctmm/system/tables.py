@@ -1,11 +1,11 @@
 """What kernels get of a scene, and what is given at a time."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.system.acting import Acting
 from anctmm.system.elastic import Elements
 from anctmm.system.matrix import Matrix
@@ -50,7 +50,7 @@ class Tables(NamedTuple):
         Gravity and constant forces, N.
     damped : ndarray of int, shape (2,)
         Whether forces depend on velocities, and whether those of materials do.
-    calls : ndarray of int
+    calls : named tuple of int
         Addresses of compiled functions: see `anctmm.system.calls`.
     """
 
@@ -61,7 +61,7 @@ class Tables(NamedTuple):
     driven: Driven
     dead: Array
     damped: Ints
-    calls: Ints
+    calls: Any
 
 
 @by_address

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from anctmm.kernels.intrinsics import by_address
+from anctmm.kernels.by_address import by_address
 from anctmm.kernels.options import kernel
 
 
