@@ -62,7 +62,7 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
             )
         scene = SceneToBeStarted(**parts)
     else:
-        scene = checked_scene(scene)
+        scene = checked_scene(scene, space=True)
     J, rates = _equations(scene)
     mass: Any = scipy.sparse.block_diag([_inertia(body, scene.dim) for body in scene.bodies], "csc")
     motion = least_norm(mass, J, rates)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.model.accepted import Point
-from anctmm.validation import LONGEST, number, vector
+from anctmm.validation import LONGEST, number, point, vector
 
 Array = NDArray[np.float64]
 #: Points at which a velocity is looked at.
@@ -28,41 +28,43 @@ class RigidVelocity:
 
     Parameters
     ----------
-    start, end : (float, float)
+    start, end : (float, float), or three numbers in space
         Of the body, m.
-    center : (float, float)
+    center : (float, float), or three numbers
         Reference point of the rotation, m.
-    spin : float
+    spin : float, or three numbers
         Angular velocity, rad/s.
-    velocity : (float, float)
-        Velocity of the reference point, m/s.
+    velocity : (float, float), or three numbers, optional
+        Velocity of the reference point, m/s; zero by default.
 
     Raises
     ------
     PropertyError
-        If a number is not finite.
+        If a number is not finite, or the numbers are not as many as those of the start.
     """
 
     start: Point
     end: Point
     center: Point
-    spin: float
-    velocity: Point = (0.0, 0.0)
+    spin: float | Point
+    velocity: Point | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        for name in ("start", "end", "center"):
-            set_(self, name, vector(f"RigidVelocity {name} (m)", getattr(self, name), high=LONGEST))
-        set_(self, "spin", number("RigidVelocity spin (rad/s)", self.spin))
-        set_(self, "velocity", vector("RigidVelocity velocity (m/s)", self.velocity))
+        set_(self, "start", point("RigidVelocity start (m)", self.start))
+        dims = (len(self.start),)
+        for name in ("end", "center"):
+            set_(self, name, vector(f"RigidVelocity {name} (m)", getattr(self, name), LONGEST, dims))
+        name = "RigidVelocity spin (rad/s)"
+        set_(self, "spin", number(name, self.spin) if dims == (2,) else vector(name, self.spin, dims=dims))
+        velocity = dims[0] * (0.0,) if self.velocity is None else self.velocity
+        set_(self, "velocity", vector("RigidVelocity velocity (m/s)", velocity, dims=dims))
 
     def __call__(self, fraction: float) -> Point:
         """Velocity at a fraction of the length, m/s."""
-        x, y = (
-            (1.0 - fraction) * a + fraction * b - c
-            for a, b, c in zip(self.start, self.end, self.center, strict=True)
-        )
-        return self.velocity[0] - self.spin * y, self.velocity[1] + self.spin * x
+        place = (1.0 - fraction) * np.array(self.start) + fraction * np.array(self.end)
+        found = np.array(self.velocity) + turned(self.spin, place - self.center)
+        return tuple(found.tolist())
 
 
 def size_of(velocity: Callable[[float], Point]) -> float:

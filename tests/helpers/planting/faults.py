@@ -46,7 +46,7 @@ FAULTS = (
     ),
     Fault("consistent velocities", MODEL + "consistent", "_inertia", replace("12.0", "3.0")),
     Fault("consistent velocities", MODEL + "velocities", "turned", flip(0)),
-    Fault("consistent velocities", MODEL + "velocities", "RigidVelocity.__call__", flip(2)),
+    Fault("consistent velocities", MODEL + "velocities", "RigidVelocity.__call__", flip(3)),
     # results
     Fault("places", RESULTS + "fields", "RigidField._point", flip(0)),
     Fault("tensions", FORCES + "actions", "_answer", replace("float(value) - free", "float(value)")),
