@@ -26,7 +26,7 @@ SLOW = {
     "integrators": ["memory", "motion", "properties"],
     "model": ["typing"],
     "modes": ["growth", "modes_of_motions"],
-    "of_reference": ["agreement", "dae", "exact_mechanisms", "junctions", "motor_law",
+    "of_reference": ["agreement", "dae", "junctions", "motor_law",
                      "quintic_against_dae", "random_scenes", "slider_crank"],
     "peers": ["exudyn", "exudyn_mechanisms", "peer_opensees", "peer_pyelastica"],
     "questions": ["gallery", "question_new_solver", "questions", "trade"],
