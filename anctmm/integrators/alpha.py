@@ -100,7 +100,7 @@ def step_alpha(
     """One step; False if Newton's iteration fails, with the matrix at hand and with one renewed at each correction."""
     c = coefficients(m)
     predict(m, state)
-    for attempt in range(2):
+    for attempt in range(state.limits[1]):
         begin(tables, c, state, inputs.signals[n])
         if iterate(size, space, tables, state, c, attempt == 1, inputs, n):
             take_means(m, state)

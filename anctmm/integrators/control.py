@@ -20,7 +20,7 @@ from anctmm.integrators.alpha import means_of
 from anctmm.integrators.controlled import attempt_alpha, attempt_esdirk, take
 from anctmm.integrators.diagnosis import failed_step
 from anctmm.integrators.esdirk import scheme_of
-from anctmm.integrators.fixed import settle
+from anctmm.integrators.fixed import rate_of, settle
 from anctmm.integrators.output import Record
 from anctmm.integrators.starting import started
 from anctmm.integrators.state import State
@@ -29,6 +29,7 @@ from anctmm.model.drives import breaks_of
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
+from anctmm.system.elastic import stiffened
 from anctmm.system.system import Inputs, System
 
 Array = NDArray[np.float64]
@@ -161,7 +162,9 @@ class March:
         self.tried = 0
         self.wanted = self.last = self.of_matrix = FIRST * self.run.t_end
         self.error, self.moved, self.limit, self.tolerance = 1.0, 0.0, 0.0, float(self.run.tolerance or 0.0)
-        self.changing, self.largest = (state.q, state.v, state.w, state.a), np.zeros(1)
+        self.changing = state.q, state.v, state.w, state.a, system.tables.rows.multiplier
+        self.largest = np.zeros(1)
+        self.renew_matrix(self.wanted)
 
     def go(self) -> None:
         """Take all steps, or raise what ends them."""
@@ -205,7 +208,7 @@ class March:
             raise TooManyStepsError
         state.scale[1] = min(left, run.newton_tolerance) if run.newton_given else left
         if abs(h - self.of_matrix) > SAME * self.of_matrix:
-            state.counts[2] = 1
+            self.renew_matrix(h)
         factorizations = state.counts[1]
         try:
             self.inputs = self.inputs_of(h, end)
@@ -216,6 +219,11 @@ class March:
         error = np.inf if self.t < self.limit < end.t else self.trial.attempt(self.restart, h, self.inputs)
         self.of_matrix = h if state.counts[1] > factorizations else self.of_matrix
         return error / self.allowed(h) if error < np.inf else np.inf
+
+    def renew_matrix(self, h: float) -> None:
+        """Have the matrix formed anew, for a step of h: damping adds to the stiffness by it."""
+        stiffened(self.system.mesh, self.system.tables.elements, rate_of(self.run.method, h))
+        self.state.counts[2] = 1
 
     def accept(self, error: float, h: float, end: Stop, restart: bool) -> None:
         """Go on from the end of a step."""

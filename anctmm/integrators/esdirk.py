@@ -128,7 +128,7 @@ def take_stages(
     c = Coefficients(h, 1.0 / (gamma * gamma), gamma, scheme.level)
     for i in range(1, len(method.c)):
         n, solved = first + i - 1, False
-        for attempt in range(2):
+        for attempt in range(state.limits[1]):
             if not solved:
                 begin_stage(i, h, method, room, state)
                 set_end(state, c)

@@ -66,9 +66,9 @@ def iterate(
     """
     rows, matrix, dim = tables.rows, tables.matrix, len(space)
     length, tolerance = state.scale[0], state.scale[1]
-    last, stalls = 0.0, 0
+    last, stalls, growths = 0.0, 0, 0
     state.sizes[:] = 0.0
-    for iteration in range(len(state.sizes)):
+    for iteration in range(state.limits[0]):
         off = set_residual(space, tables, state.q, state.v, state.w, inputs, n, state.f)
         if full or state.counts[2] != 0:
             renew(size, space, tables, state, c, inputs, n)
@@ -94,6 +94,9 @@ def iterate(
         if iteration > 0 and contraction > TOO_SLOW:
             state.counts[2] = 1
             stalls += 1 if change < ROUNDING else 0
+            growths += 1 if change > last else 0
+            if growths > state.limits[2]:
+                break
             if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
                 return off <= VIOLATED * length
         last = change

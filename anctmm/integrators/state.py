@@ -31,6 +31,8 @@ class State(NamedTuple):
     scratch : ndarray
     counts : ndarray of int, shape (4,)
         Newton corrections and factorizations; whether the matrix is to be renewed; corrections of the last solution.
+    limits : ndarray of int, shape (3,)
+        Corrections of a solution at most, how often it is tried, and how many of its corrections may grow.
     sizes : ndarray, shape (ITERATIONS,)
         Corrections of the last solution: positions over `scale`, gradients as they are.
     weight : ndarray
@@ -50,21 +52,24 @@ class State(NamedTuple):
     f: Array
     scratch: Array
     counts: Ints
+    limits: Ints
     sizes: Array
     weight: Array
     scale: Array
 
 
-#: Newton corrections in a step at most.
-ITERATIONS = 30
+#: Newton corrections of a solution at most. With a tolerance they are fewer, and only one of them may grow: many may
+#: lead to a solution far from the motion, and a shorter step can be tried instead.
+ITERATIONS, FEW = 30, 10
 
 
 def new_state(system: System, q: Array, v: Array) -> State:
     """The state that a run starts from."""
     zeros: Any = [np.zeros_like(q) for _ in range(7)]
     tolerance = float(system.run.newton_tolerance)
+    limits = (ITERATIONS, 2, ITERATIONS) if system.run.tolerance is None else (FEW, 1, 1)
     return State(  # type: ignore[call-arg]
-        q.copy(), v.copy(), *zeros, np.zeros(4, np.int64), np.zeros(ITERATIONS),
+        q.copy(), v.copy(), *zeros, np.zeros(4, np.int64), np.array(limits, dtype=np.int64), np.zeros(ITERATIONS),
         _weights(system.mesh), np.array([system.scene.length, tolerance]),
     )  # fmt: skip
 

@@ -73,13 +73,12 @@ def _wrong(solution: Solution, run: Discretisation) -> Iterator[tuple[str, Mask]
 
     balance, stored = energy.balance, _stored(energy)
     exchanged = np.abs(energy.potential) + np.abs(energy.work)
-    present = most(stored + np.abs(energy.work))
     damped = any(c.law is not None or c.damping > 0.0 for c in scene.connectors)
     damped |= any(beam.material.damping > 0.0 for beam in scene.beams)
     # Within the first step of a motion that damping stops at once, the mean force times the displacement is many times
-    # the energy there was: no more counts as taken than others have brought.
+    # the energy there was: what is taken counts neither as made nor as present.
     taken = np.fmax(energy.dissipated, np.maximum(-energy.work, 0.0)) if damped else 0.0
-    made = balance - taken
+    made, present = balance - taken, most(stored + np.abs(energy.work + taken))
     diverged = made > NOWHERE * present
     if run.explicit and damped:
         diverged |= balance - balance[1] > ABSORBED * most(stored)
