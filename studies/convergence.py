@@ -1,7 +1,8 @@
 """How does an error fall with mesh and step, and how many digits of each value are correct?"""
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import pairwise, product
 from math import inf, isfinite, nan
 from typing import Any
 
@@ -15,12 +16,13 @@ from anctmm.model.joints import Clamp, Weld
 from reference.exact import solve_static as exact_static
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
-from studies.engine.refinement import MESH, STEP, Refined, Refinement, Setup, offer_of
+from studies.engine.meshes import Mesh, mesh_label
+from studies.engine.refinement import MESH, STEP, Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
 from studies.engine.tables import Table
-from studies.engine.trials import NO_BEAMS, Mesh, mesh_label
-from studies.engine.values import OUTPUTS_NOTE, at_joints, at_probes, rows_of, values_of
+from studies.engine.trials import IMPLICIT, NO_BEAMS, OURS, offer_of
+from studies.engine.values import OUTPUTS_NOTE, at_joints, rows_of, values_of
 from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
@@ -67,13 +69,20 @@ def run(options: Options, runner: Runner) -> Result:
     StudyError
         If meshes or steps do not fit the case, or nothing is refined, or an integrator is given where nothing moves.
     """
-    case = options.case
+    case, quick = options.case, options.quick
     check_fits(options, case)
     meshes, steps = given_levels(case, options)
-    target = options.error or (inf if meshes and steps else TARGETS[options.quick])
+    target = options.error or (inf if meshes and steps else TARGETS[quick])
+    several = ("cable", "shear") if case.scene.beams and not quick else ("cable",)
     runner.heading = f"{case.name}: "
-    levels = [Refinement(case, setup, runner, meshes, steps) for setup in setups(options, case)]
-    found = [one.refined(target) for one in levels]
+    levels: dict[tuple[str, str], Refinement] = {}  # each solver with each element of its own once
+    for solver, element in product(
+        options.solvers or (OURS,), (options.element,) if options.element else several
+    ):
+        setting = {"solver": solver, "element": element, "integrator": options.integrator or IMPLICIT}
+        one = Refinement(case, runner, meshes, steps, **setting)
+        levels.setdefault((solver, one.plain.used), one)
+    found = [one.refined(target) for one in levels.values()]
     frames = {name: pd.DataFrame([row for one in found for row in _rows(name, one)]) for name in TABLES}
     tables = [Table(n, TABLES[n][0], f, TABLES[n][1:]) for n, f in frames.items() if n != "exact" or len(f)]
     name, caption = f"configurations_{file_name(case.name)}", f"{case.name}: configurations and energies."
@@ -86,18 +95,6 @@ def run(options: Options, runner: Runner) -> Result:
         answers=tuple(answers(found[0])), shown=tuple(t.name for t in tables),
         good=any(f.solution.status.ok for f in found),
     )  # fmt: skip
-
-
-def setups(options: Options, case: Case) -> list[Setup]:
-    """Each solver with each element of its own once: without beams all are the same."""
-    several = not options.quick and bool(case.scene.beams)
-    elements = (options.element,) if options.element else ("cable", "shear") if several else ("cable",)
-    integrator, found = options.integrator or Setup.integrator, dict[tuple[str, str], Setup]()
-    for solver in options.solvers or (Setup.solver,):
-        for element in elements:
-            setup = Setup(solver, element, integrator)
-            found.setdefault((solver, setup.own_element), setup)
-    return list(found.values())
 
 
 def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[float, ...]]:
@@ -124,7 +121,7 @@ def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[
             f"converges; at least two of one of them are needed (`anctmm run` does a single run)"
         )
     for level in range(len(steps)):
-        Refinement(case, Setup(), Runner(), meshes, steps).trial(0, level).run()
+        Refinement(case, Runner(), meshes, steps).trial(0, level).run()
     return meshes, steps
 
 
@@ -135,20 +132,14 @@ def _rows(table: str, found: Refined) -> Iterator[dict[str, Any]]:
     """Rows of a table."""
     trial = found.trial
     about = {
-        "scene": trial.scene.name, "solver": trial.solver,
-        "element": found.levels.setup.own_element if trial.scene.beams else NO_BEAMS,
+        "scene": trial.scene.name, "solver": trial.solver, "element": trial.used if trial.scene.beams else NO_BEAMS,
         "integrator": trial.integrator,
     }  # fmt: skip
-    match table:
-        case "mesh" | "step":
-            rows = _levels(found, MESH if table == "mesh" else STEP)
-        case "exact":
-            rows = exact_rows(found)
-        case "values":
-            rows = iter(rows_of(values_of(found, at_probes)))
-        case _:
-            rows = iter(rows_of(values_of(found, at_joints), "joint"))
-    yield from (about | row for row in rows)
+    made: dict[str, Callable[[], Iterable[dict[str, Any]]]] = {
+        "mesh": lambda: _levels(found, MESH), "step": lambda: _levels(found, STEP), "exact": lambda: exact_rows(found),
+        "values": lambda: rows_of(values_of(found)), "forces": lambda: rows_of(values_of(found, at_joints), "joint"),
+    }  # fmt: skip
+    yield from (about | row for row in made[table]())
 
 
 def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
@@ -167,21 +158,17 @@ def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
 
 def exact_rows(found: Refined) -> Iterator[dict[str, Any]]:
     """Difference of an equilibrium to the exact solution of its continuum, where one is known."""
-    setup, case = found.levels.setup, found.levels.case
-    limit = offer_of(setup.solver).limits.get(setup.element, KINDS[setup.element].continuum)
-    try:
-        exact = exact_static(case.scene, limit) if case.static else None
-    except AnctmmError:
-        exact = None
-    error = inf if exact is None else found.levels.difference(found.solution, exact)
-    if isfinite(error):
-        about = {
-            "elements": found.trial.cut,
-            "continuum": limit,
-            "difference": error,
-            "estimate": found.error,
-        }
-        yield {**about, "status": str(found.solution.status)}
+    trial, case = found.trial, found.levels.case
+    limit = offer_of(trial.solver).limits.get(trial.element, KINDS[trial.element].continuum)
+    with suppress(AnctmmError):
+        error = (
+            found.levels.difference(found.solution, exact_static(case.scene, limit)) if case.static else inf
+        )
+        if isfinite(error):
+            yield {
+                "elements": trial.cut, "continuum": limit, "difference": error, "estimate": found.error,
+                "status": str(found.solution.status),
+            }  # fmt: skip
 
 
 # --- sentences -----------------------------------------------------------------------------------------------
@@ -191,7 +178,7 @@ def finding(found: Refined) -> str:
     """Result of one setup in a sentence."""
     if not found.solution.status.ok:
         return f"{found.levels.case.name}: {found.reason}."
-    named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.setup.orders, strict=True)
+    named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.orders, strict=True)
     orders = [f"in the {n} {part.order:.2f} (theory {o:g})" for n, part, o in named if isfinite(part.order)]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
     return f"{found.levels.case.name}: {order}{_estimate(found)}.{HELD if _holds_stretch(found) else ''}"
@@ -227,7 +214,7 @@ def _estimate(found: Refined) -> str:
 def _holds_stretch(found: Refined) -> bool:
     """Whether a mesh converges at first order only, as it does where joints hold the stretch."""
     held = any(isinstance(j, Clamp | Weld) and j.stretch == "held" for j in found.levels.case.scene.joints)
-    slow = found.mesh.order < FIRST_ORDER < found.levels.setup.orders[MESH]
+    slow = found.mesh.order < FIRST_ORDER < found.levels.orders[MESH]
     return held and slow and found.mesh.error > found.step.error
 
 

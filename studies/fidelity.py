@@ -14,13 +14,13 @@ from anctmm.model.scene import Beam, Scene
 from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
-from studies.engine.meshes import explicit_limit, step_below
-from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup
+from studies.engine.meshes import step_below
+from studies.engine.refinement import Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError
-from studies.engine.tables import BUILD, Table, milliseconds, records
+from studies.engine.tables import BUILD, Table, milliseconds
 from studies.engine.timing import least
-from studies.engine.trials import Trial
+from studies.engine.trials import EXPLICIT, Trial, explicit_limit
 from studies.report.plots import floor, log_axes, picture
 
 #: Kinds of model, the detailed one first.
@@ -69,15 +69,18 @@ def run(options: Options, runner: Runner) -> Result:
     refined = dict[str, Refined]()
     for kind in choices.kinds:
         runner.heading = f"{case.name}, mesh and step of {kind} beams: "
-        refined[kind] = Refinement(case, Setup(element=kind), runner).refined(SHARE * smallest)
-    models = Models(case, choices, refined, runner, MOST_WORK[options.quick])
-    rows = _with_gain(models.rows(choices.first()))
+        refined[kind] = Refinement(case, runner, element=kind).refined(SHARE * smallest)
+    rows = _rows(case, choices, refined, runner, choices.first())
+    ok = rows[rows["status"] == "ok"]
+    known = {
+        pair: ok[ok["element"] == "/".join(choices.alone(*pair))]["error"].max() for pair in choices.pairs
+    }
+    if more := [
+        kinds for kinds in choices.best(known, targets) if "/".join(kinds) not in set(rows["element"])
+    ]:
+        rows = pd.concat([rows, _rows(case, choices, refined, runner, more)], ignore_index=True)
+    rows["gain"] = rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"]
     alone = pd.DataFrame(_simplified(case, rows, choices, targets))
-    known = {(row["unit"], row["kind"]): row["error"] for row in records(alone) if row["status"] == "ok"}
-    more = [kinds for kinds in choices.best(known, targets) if "/".join(kinds) not in set(rows["element"])]
-    if more:
-        rows = _with_gain(pd.concat([rows, models.rows(more)], ignore_index=True))
-    alone = alone.drop(columns="unit")
     cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
     model, sentence = _finding(case, rows, cheapest)
     question = f"{case.name}: which beams may be modelled more simply?"
@@ -123,11 +126,15 @@ class Choices:
         """One unit of a kind, all others as detailed as can be."""
         return tuple(kind if k in self.units[unit] else self.kinds[0] for k in range(len(self.names)))
 
+    @property
+    def pairs(self) -> list[tuple[int, str]]:
+        """Each unit with each simpler kind."""
+        return list(product(range(len(self.units)), self.kinds[1:]))
+
     def first(self) -> list[Kinds]:
         """Choices to try before anything is known, the detailed one first."""
         uniform = [(kind,) * len(self.names) for kind in self.kinds]
-        alone = [self.alone(*pair) for pair in product(range(len(self.units)), self.kinds[1:])]
-        return list(dict.fromkeys([*uniform, *alone]))
+        return list(dict.fromkeys([*uniform, *(self.alone(*pair) for pair in self.pairs)]))
 
     def best(self, error: Mapping[tuple[int, str], float], targets: Sequence[float]) -> list[Kinds]:
         """Combinations of simplified units whose errors alone sum up to no more than a target."""
@@ -137,7 +144,7 @@ class Choices:
     def _sum_below(self, error: Mapping[tuple[int, str], float], target: float, base: str) -> Kinds:
         kinds, taken = [base] * len(self.names), dict[int, float]()
         simpler = self.kinds[self.kinds.index(base) + 1 :]
-        allowed = [(e, unit, kind) for (unit, kind), e in error.items() if kind in simpler]
+        allowed = [(e, unit, kind) for (unit, kind), e in error.items() if kind in simpler and e <= target]
         for e, unit, kind in sorted(allowed):  # a later kind of a unit is simpler, and has a larger error
             if sum(taken.values()) - taken.get(unit, 0.0) + e <= target:
                 taken[unit] = e
@@ -156,55 +163,47 @@ class Choices:
         return f"{usual}, but {'; '.join(parts)}" if parts else usual if len(kinds) == 1 else f"all {usual}"
 
 
-@dataclass(frozen=True)
-class Models:
-    """Runs of choices, each kind on the mesh and by the step that its own refinement found."""
+def _rows(
+    case: Case, choices: Choices, refined: Mapping[str, Refined], runner: Runner, every: Sequence[Kinds]
+) -> pd.DataFrame:
+    """Rows of choices, the detailed one first: of implicit and of explicit steps; of equilibria one.
 
-    case: Case
-    choices: Choices
-    refined: Mapping[str, Refined]  # by kind
-    runner: Runner
-    most_work: float  # of an explicit run, elements times steps
-
-    def rows(self, every: Sequence[Kinds]) -> pd.DataFrame:
-        """Rows of choices: of implicit and of explicit steps; of equilibria one."""
-        reference = self.refined[self.choices.kinds[0]]
-        planned = [(kinds, trial) for kinds in every for trial in self._trials(kinds)]
-        self.runner.heading = f"{self.case.name}, choices: "
-        trials = [trial for _, trial in planned]
-        solutions = self.runner.solve_many(trials)
-        good = [k for k, s in enumerate(solutions) if s.status.ok]
-        costs = self.runner.time_in_turn([trials[k] for k in good]) if good else []
-        times = {k: vars(least(samples)) for k, samples in zip(good, costs, strict=True)}
-        return pd.DataFrame([
-            {
-                "scene": self.case.name, "model": self.choices.words(kinds), "element": "/".join(kinds),
-                "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
-                "error": reference.error_of(solution), "reference_error": reference.uncertainty,
-                **{name: times[k][name] if k in times else nan for name in ("cpu_s", "build_s")},
-                "status": str(solution.status),
-            }
-            for k, ((kinds, trial), solution) in enumerate(zip(planned, solutions, strict=True))
-        ])  # fmt: skip
-
-    def _trials(self, kinds: Kinds) -> Iterator[Trial]:
-        """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
-        mesh = tuple(self.refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
-        element = FrozenMapping(zip(self.choices.names, kinds, strict=True))
-        reached = {found.trial.dt for kind, found in self.refined.items() if kind in kinds and found.reached}
-        dt = min(reached or {found.trial.dt for found in self.refined.values()})
-        implicit = Trial.of(self.case, Setup.solver, mesh, element=element, dt=dt)
-        yield implicit
-        if not self.case.static:
-            limit = explicit_limit(self.case, implicit.by_body, element=element)
-            dt = step_below(self.case, min(limit, 1e-3 * self.case.duration))
-            explicit = replace(implicit, integrator=EXPLICIT, dt=dt)
-            yield from (explicit,) if explicit.work <= self.most_work else ()
+    Each kind is on the mesh and moves by the step that its own refinement found.
+    """
+    reference, runner.heading = refined[choices.kinds[0]], f"{case.name}, choices: "
+    planned = [
+        (kinds, trial) for kinds in every for trial in _trials(case, choices, refined, kinds, runner.quick)
+    ]
+    solutions = runner.solve_many(trial for _, trial in planned)
+    rows = pd.DataFrame([
+        {
+            "scene": case.name, "model": choices.words(kinds), "element": "/".join(kinds),
+            "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
+            "error": reference.error_of(solution), "reference_error": reference.uncertainty, "cpu_s": nan,
+            "build_s": nan, "status": str(solution.status),
+        }
+        for (kinds, trial), solution in zip(planned, solutions, strict=True)
+    ])  # fmt: skip
+    good = [k for k, solution in enumerate(solutions) if solution.status.ok]
+    costs = [least(samples) for samples in runner.time_in_turn([planned[k][1] for k in good])] if good else []
+    rows.loc[good, ["cpu_s", "build_s"]] = [[cost["cpu_s"], cost["build_s"]] for cost in costs]
+    return rows
 
 
-def _with_gain(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with the time of the detailed model, which is the first, over theirs."""
-    return rows.assign(gain=rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"])
+def _trials(
+    case: Case, choices: Choices, refined: Mapping[str, Refined], kinds: Kinds, quick: bool
+) -> Iterator[Trial]:
+    """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
+    mesh = tuple(refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
+    element = FrozenMapping(zip(choices.names, kinds, strict=True))
+    reached = {found.trial.dt for kind, found in refined.items() if kind in kinds and found.reached}
+    dt = min(reached or {found.trial.dt for found in refined.values()})
+    implicit = Trial.of(case, mesh=mesh, element=element, dt=dt)
+    yield implicit
+    if not case.static:
+        dt = step_below(case, min(explicit_limit(implicit), 1e-3 * case.duration))
+        explicit = replace(implicit, integrator=EXPLICIT, dt=dt)
+        yield from (explicit,) if explicit.work <= MOST_WORK[quick] else ()
 
 
 def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
@@ -225,16 +224,16 @@ def _simplified(
     case: Case, rows: pd.DataFrame, choices: Choices, targets: Sequence[float]
 ) -> Iterator[dict[str, Any]]:
     """Error and gain of each beam simplified alone, or why it cannot be."""
-    for (unit, those), kind in product(enumerate(choices.units), choices.kinds[1:]):
-        others = f" and {len(those) - 1} equal ones" if len(those) > 1 else ""
-        about = {"scene": case.name, "beam": choices.names[those[0]] + others, "unit": unit, "kind": kind}
+    for unit, kind in choices.pairs:
+        name, *equal = (choices.names[k] for k in choices.units[unit])
+        others = f" and {len(equal)} equal ones" if equal else ""
+        about = {"scene": case.name, "beam": name + others, "kind": kind}
         runs = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s")
         best = runs.iloc[0]  # those that fail have no time, and are the last
         if best["status"] != "ok":
             yield {**about, "status": best["status"]}
             continue
-        bound = best["error"] + best["reference_error"]
-        enough = min((t for t in targets if bound <= t), default=nan)
+        enough = min((t for t in targets if best["error"] + best["reference_error"] <= t), default=nan)
         found = {name: best[name] for name in ("model", "error", "reference_error", "gain")}
         yield {**about, **found, "enough_for": enough, "status": "ok"}
 

@@ -1,9 +1,8 @@
 """Runs of trials: joblib stores each when it is done, and does them in other processes where workers are given."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,20 +67,16 @@ class Runner:
             If the cluster cannot be reached.
         """
         trials = list(trials)
-        keys = [self.key(trial) for trial in trials]
-        names = [key or f"trial {k}" for k, key in enumerate(keys)]  # what has no identity is not stored
-        first: dict[str, Trial] = {}
-        for name, trial in zip(names, trials, strict=True):
-            first.setdefault(name, trial)
-        missing = [name for name in first if not self._remembered.check_call_in_cache(name, None)]
-        found = {}
-        for name, solution in zip(missing, self._computed([first[n] for n in missing]), strict=True):
-            found[name] = solution
-            if name in keys:
-                self._stored(name, partial(replace, solution))
-        for name in first.keys() - found.keys():  # joblib computes that of a damaged file anew
-            found[name] = self._stored(name, partial(solved, first[name], self.resolve))
-        return [replace(found[name], scene=trial.scene) for name, trial in zip(names, trials, strict=True)]
+        keys = [self.key(trial) or k for k, trial in enumerate(trials)]  # what has no identity is not stored
+        first = dict(zip(reversed(keys), reversed(trials), strict=True))
+        missing = [key for key in dict.fromkeys(keys) if not self._remembered.check_call_in_cache(key, None)]
+        found: dict[str | int, Solution] = {}
+        for key, solution in zip(missing, self._computed([first[key] for key in missing]), strict=True):
+            found[key] = solution
+            self._stored(key, lambda known=solution: known)  # type: ignore[misc]
+        for key in first.keys() - found.keys():  # joblib computes that of a damaged file anew
+            found[key] = self._stored(key, lambda trial=first[key]: solved(trial, self.resolve))  # type: ignore[misc]
+        return [replace(found[key], scene=trial.scene) for key, trial in zip(keys, trials, strict=True)]
 
     def key(self, trial: Trial) -> str:
         """Identity of a run: its scene, setting, solver, versions and sources; empty where there is none."""
@@ -98,11 +93,8 @@ class Runner:
         The one loop that measures times. Of a run below 0.1 s the second call in a row is timed.
         """
         keys = [self.key(trial) for trial in trials]
-        if not all(keys):
-            return self._timed(trials)
-        machine = f"{provenance.name()}, {provenance.stamp()}"
-        key = identity((keys, ROUNDS[self.quick], machine))
-        return self._stored(key, lambda: self._timed(trials))  # type: ignore[no-any-return]
+        about = ROUNDS[self.quick], provenance.name(), provenance.stamp()
+        return self._stored(identity((keys, about)) if all(keys) else 0, lambda: self._timed(trials))  # type: ignore[no-any-return]
 
     def _timed(self, trials: Sequence[Trial]) -> list[list[Cost]]:
         rounds, done = ROUNDS[self.quick], 0
@@ -113,17 +105,17 @@ class Runner:
             self.show(f"{self.heading}times in turn: {trial.label}", done, rounds * len(trials))
             return settled(lambda: guarded(trial, lambda: trial.solve(solver)).cost)
 
-        def warm(trial: Trial, solver: Solver) -> None:
+        pairs = [(trial, self.resolve(trial.solver)) for trial in trials]
+        for trial, solver in pairs:
             with suppress(AnctmmError):
                 trial.warm_up(solver)
+        calls = {k: lambda pair=pair: sample(*pair) for k, pair in enumerate(pairs)}  # type: ignore[misc]
+        return list(in_turn(calls, rounds).values())
 
-        pairs = {str(k): (trial, self.resolve(trial.solver)) for k, trial in enumerate(trials)}
-        calls = {k: lambda pair=pair: sample(*pair) for k, pair in pairs.items()}  # type: ignore[misc]
-        begin = {k: lambda pair=pair: warm(*pair) for k, pair in pairs.items()}  # type: ignore[misc]
-        return list(in_turn(calls, rounds, begin).values())
-
-    def _stored(self, key: str, compute: Callable[[], Any]) -> Any:
-        """What is stored, or else is computed and then stored."""
+    def _stored(self, key: str | int, compute: Callable[[], Any]) -> Any:
+        """What is stored, or else is computed and then stored; without an identity it is computed."""
+        if not isinstance(key, str):
+            return compute()
         return cloudpickle.loads(self._remembered(key, lambda: cloudpickle.dumps(compute())))
 
     def _computed(self, trials: Sequence[Trial]) -> Iterator[Solution]:
@@ -139,22 +131,17 @@ class Runner:
                 yield solution
                 self.show(f"{self.heading}{trials[min(k, len(trials) - 1)].label}", k, len(trials))
 
-    @contextmanager
-    def _backend(self) -> Iterator[None]:
+    def _backend(self) -> AbstractContextManager[Any]:
         """Where joblib runs: this process, others of this machine, or a cluster."""
         if self.cluster:
-            with _client(self.cluster), joblib.parallel_config(backend="dask"):
-                yield
-        elif self.workers > 1:
-            with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
-                yield
-        else:
-            yield
+            return _dask(self.cluster)
+        alone = self.workers == 1
+        return nullcontext() if alone else joblib.parallel_config(backend="loky", inner_max_num_threads=1)
 
 
 @contextmanager
-def _client(address: str) -> Iterator[None]:
-    """A client of a dask scheduler."""
+def _dask(address: str) -> Iterator[None]:
+    """The cluster of a dask scheduler."""
     try:
         from distributed import Client
 
@@ -164,5 +151,5 @@ def _client(address: str) -> Iterator[None]:
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise SweepError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
-    with client:
+    with client, joblib.parallel_config(backend="dask"):
         yield

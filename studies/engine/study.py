@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 
-from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.model.scene import Scene
 from studies.engine.files import file_name
+from studies.engine.meshes import Mesh, StudyError, by_beam
 from studies.engine.runner import Runner
 from studies.engine.tables import Table
-from studies.engine.trials import Mesh, mesh_label
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
@@ -26,19 +24,14 @@ TYPED = {
     "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
     "integrator": "--integrator", "error": "--error",
 }  # fmt: skip
-RANGES = ("meshes", "steps", "solvers")
 TAKEN = {
-    "convergence": ("cases", "element", "integrator", "error", *RANGES),
-    "trade": ("cases", "error", "element", "integrator", *RANGES),
-    "agreement": ("element", "integrator", *RANGES),
+    "convergence": tuple(TYPED),
+    "trade": tuple(TYPED),
+    "agreement": ("element", "integrator", "meshes", "steps", "solvers"),
     "fidelity": ("cases", "error"),
     "extremes": ("cases",),
     "published": (),
 }
-
-
-class StudyError(AnctmmError, ValueError):
-    """A study or one of its options is unknown, or does not fit a case."""
 
 
 @dataclass(frozen=True)
@@ -128,29 +121,14 @@ def check_fits(options: Options, case: Case) -> None:
     ------
     StudyError
     """
-    useless: tuple[str, ...] = () if case.scene.beams else ("meshes", "element")
-    useless += ("steps", "integrator") if case.static else ()
-    for name in useless:
+    still, bare = "is a static equilibrium, which has no step", "has no beams"
+    useless = {"meshes": bare, "element": bare} if not case.scene.beams else {}
+    useless |= {"steps": still, "integrator": still} if case.static else {}
+    for name, kind in useless.items():
         if getattr(options, name):
-            kind = (
-                "is a static equilibrium, which has no step"
-                if name in ("steps", "integrator")
-                else "has no beams"
-            )
             raise StudyError(f"{TYPED[name]} is given, and scene {case.name!r} {kind}: leave it out")
     for mesh in options.meshes or ():
-        check_mesh(case.scene, mesh)
-
-
-def check_mesh(scene: Scene, mesh: Mesh) -> None:
-    """Refuse a mesh that fits neither all beams nor each."""
-    names = [body.name for body in scene.beams]
-    if len(mesh) not in (1, len(names)):
-        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
-        raise StudyError(
-            f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {allowed} numbers, "
-            f"for {'/'.join(names)}"
-        )
+        by_beam(case.scene, mesh)
 
 
 def find(name: str) -> Callable[[Options, Runner], Result]:

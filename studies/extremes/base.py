@@ -11,7 +11,7 @@ from anctmm.model.case import Case
 from anctmm.results.metrics import EPS, Array
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
-from studies.engine.refinement import Refined, Refinement, Setup, offer_of
+from studies.engine.refinement import Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Picture
 from studies.engine.tables import Table
@@ -54,7 +54,7 @@ class Base:
     def of(cls, case: Case, runner: Runner, quick: bool) -> "Base":
         """Refine a case."""
         runner.heading = f"{case.name}, mesh and step: "
-        found = Refinement(case, Setup(), runner).refined(TARGETS[quick])
+        found = Refinement(case, runner).refined(TARGETS[quick])
         return cls(case, found, runner, quick, _peer(found, runner) if found.solution.status.ok else "")
 
     @property
@@ -100,8 +100,8 @@ class Base:
 def _peer(found: Refined, runner: Runner) -> str:
     """The first other solver that has the same elements and can do the refined run."""
     for name in registry.names():
-        same = offer_of(name).element_of(found.trial.element) == found.trial.element
-        if name != found.trial.solver and same and runner.solve(replace(found.trial, solver=name)).status.ok:
+        other = replace(found.trial, solver=name)
+        if other != found.trial and other.used == other.element and runner.solve(other).status.ok:
             return name
     return ""
 

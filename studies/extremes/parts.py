@@ -12,10 +12,8 @@ from anctmm.model.bodies import Beam
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import EPS
 from anctmm.results.solution import Solution
-from studies.engine.meshes import MARGIN, explicit_limit
 from studies.engine.other_numbers import Change, Changed
-from studies.engine.refinement import EXPLICIT
-from studies.engine.trials import Trial
+from studies.engine.trials import EXPLICIT, MARGIN, Trial, explicit_limit
 from studies.extremes.base import NOT_RUN, Base, Part, Row, apart, energy_error, good, part, paths, size_of
 
 #: Fixed explicit steps tried, as parts of the stability limit at the start.
@@ -64,7 +62,7 @@ def _beyond(rows: Sequence[Row]) -> str:
 def steps(base: Base) -> Part:
     """The largest stable explicit step, and how near to it a fixed step can go over the motion."""
     plain = replace(base.trial, integrator=EXPLICIT, options=(("check_stability", False),))
-    limit = explicit_limit(base.case, plain.by_body, element=plain.element) / MARGIN
+    limit = explicit_limit(plain) / MARGIN
     interval, title = base.case.interval, "Explicit steps near the stability limit"
     if isinf(limit):
         rows = [base.row("does not apply: nothing vibrates, or no explicit run")]

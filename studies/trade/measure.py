@@ -1,9 +1,9 @@
 """Rows of a trade: each setting run, its error with its parts, and times in turn near the front."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import isfinite, nan
-from typing import Any, cast
+from math import nan
+from typing import Any
 
 import pandas as pd
 from numpy import nansum
@@ -11,12 +11,12 @@ from numpy import nansum
 from anctmm.elements.kinds import KINDS
 from anctmm.results.solution import Solution
 from studies.engine.fronts import NEAR, excess, robust
-from studies.engine.refinement import EXPLICIT, STEP_ORDERS, Setup, difference, offer_of
+from studies.engine.refinement import STEP_ORDERS, difference
 from studies.engine.runner import Runner
 from studies.engine.study import StudyError
 from studies.engine.tables import records
 from studies.engine.timing import least
-from studies.engine.trials import SHARED, Trial
+from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, SHARED, Trial
 from studies.trade.settings import Levels, choices_of, steps_of
 
 #: s of CPU time that a whole call of a sweep may take at most, and elements times steps, by whether it is quick.
@@ -46,31 +46,29 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
         If all would take too long.
     """
     rows: list[dict[str, Any]] = []
-    rates: dict[tuple[str, ...], float] = {}
+    rates: dict[tuple[str, ...], float] = {}  # s by elements times steps; NaN of what was refused
     fine: dict[tuple[Any, ...], Fine] = {}
+    most = MOST_WORK[runner.quick]
     for place, batch in settings.groupby("round"):
-        mesh, step = cast(tuple[int, int], place)
-        batch = batch[[_affordable(trial, rates, runner.quick) for trial in batch["trial"]]]
-        runner.heading = f"{levels.case.name}, mesh {mesh + 1}, step {step + 1}: "
+        able = [
+            t.work <= most and rates.get(_family(t), 0.0) * t.work <= MOST_S[runner.quick]
+            for t in batch["trial"]
+        ]
+        batch, runner.heading = batch[able], f"{levels.case.name}, level {place}: "
         for setting, solution in zip(records(batch), runner.solve_many(batch["trial"]), strict=True):
             trial, cost = setting["trial"], solution.cost
             rates[_family(trial)] = nansum([cost.cpu_s, cost.build_s]) / trial.work if cost.steps else nan
-            own = _place(trial)
+            own = _owner(trial), trial.element, trial.quadrature, trial.mesh
             if solution.status.ok and own not in fine:
                 fine[own] = _fine(levels, trial, runner)
             rows.append(_row(levels, setting, solution, fine.get(own)))
     if not rows:
         raise StudyError(
-            f"each setting of case {levels.case.name!r} takes more than {MOST_WORK[runner.quick]:g} elements times "
-            f"steps; a shorter motion, larger --error or --solvers and --integrator that take longer steps are needed"
+            f"each setting of case {levels.case.name!r} takes more than {most:g} elements times steps; a shorter "
+            f"motion, larger --error or --solvers and --integrator that take longer steps are needed"
         )
     frame = _bounded(pd.DataFrame(rows))
     return frame, _outcomes(levels, settings, frame)
-
-
-def _affordable(trial: Trial, rates: dict[tuple[str, ...], float], quick: bool) -> bool:
-    """Whether a run is short enough, by the time of runs before; NaN where one before was refused."""
-    return rates.get(_family(trial), 0.0) * trial.work <= MOST_S[quick] and trial.work <= MOST_WORK[quick]
 
 
 def _family(trial: Trial) -> tuple[str, ...]:
@@ -78,46 +76,33 @@ def _family(trial: Trial) -> tuple[str, ...]:
     return trial.solver, trial.element, trial.quadrature, trial.integrator, str(trial.options)
 
 
-def _place(trial: Trial) -> tuple[Any, ...]:
-    """Whose mesh it is: of elements of ours the same for all solvers."""
-    ours = offer_of(trial.solver).element_of(trial.element) in KINDS
-    return ("" if ours else trial.solver), trial.element, trial.quadrature, trial.mesh
+def _owner(trial: Trial) -> str:
+    """Whose elements it has: ours, which all solvers share, or those of its solver."""
+    return OURS if trial.used in KINDS else trial.solver
 
 
 def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
     """A run by a fine step on a mesh: by the fourth-order steps of ANC–TMM, or else by second order of the solver."""
-    case, shortest = levels.case, min(levels.steps)
-    owner = _place(trial)[0]
-    heading, runner.heading = runner.heading, f"{case.name}, error of the step: "
-    tries = [(Setup.solver, "esdirk", shortest)] if not owner else []
-    tries.append((owner or Setup.solver, "generalized-alpha", shortest / FINER))
-    tries.append((owner or Setup.solver, EXPLICIT, nan))
-    found = None
-    for solver, integrator, dt in tries:
-        tight = () if integrator == EXPLICIT else _tight(solver)
-        one = replace(trial, solver=solver, integrator=integrator, options=tight)
-        one = replace(one, dt=dt if isfinite(dt) else min(steps_of(levels, one)))
+    solver, shortest = _owner(trial), min(levels.steps)
+    tight = {k: NEWTON if k == "newton_tolerance" else v for k, v in choices_of(solver)[0]}
+    fourth = replace(trial, solver=solver, integrator="esdirk", options=tuple(tight.items()), dt=shortest)
+    second = replace(fourth, integrator=IMPLICIT, dt=shortest / FINER)
+    explicit = replace(fourth, integrator=EXPLICIT, options=(), dt=nan)
+    runner.heading = f"{levels.case.name}, error of the step: "
+    for one in [fourth, second, explicit] if solver == OURS else [second, explicit]:
+        one = one if one.dt > 0.0 else replace(one, dt=min(steps_of(levels, one)))
         finest, twice = runner.solve_many([one, replace(one, dt=2.0 * one.dt)])
         if finest.status.ok and twice.status.ok:
-            left = 2.0 / (2.0 ** STEP_ORDERS[integrator] - 1.0)
-            found = finest, left * difference(twice, finest, case.probes)
-            break
-    runner.heading = heading
-    return found
-
-
-def _tight(solver: str) -> tuple[tuple[str, Any], ...]:
-    """Tightest bounds of the iteration that a solver offers; of our own options tighter ones."""
-    return tuple((k, NEWTON if k == "newton_tolerance" else v) for k, v in choices_of(solver)[0])
+            left = 2.0 / (2.0 ** STEP_ORDERS[one.integrator] - 1.0)
+            return finest, left * difference(twice, finest, levels.case.probes)
+    return None
 
 
 def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine) -> dict[str, Any]:
     trial, cost = setting["trial"], solution.cost
-    reference = levels.reference_of(trial.element)
-    asked = dict(trial.options)
+    reference, asked = levels.reference_of(trial.element), dict(trial.options)
     return {
-        "scene": levels.case.name, "solver": trial.solver,
-        "element": offer_of(trial.solver).element_of(trial.element), "asked": trial.element,
+        "scene": levels.case.name, "solver": trial.solver, "element": trial.used, "asked": trial.element,
         "quadrature": KINDS[trial.element].quadrature_shown(trial.quadrature), "integrator": trial.integrator,
         "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt, "tolerance": asked.get("tolerance", nan),
         "newton_tolerance": asked.get("newton_tolerance", nan),
@@ -142,12 +127,12 @@ def _bounded(rows: pd.DataFrame) -> pd.DataFrame:
 def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """For each solver, element and way to step the kind of outcome: an answer, or why there is none."""
     lines = []
-    for kind in settings["kind"].drop_duplicates():
-        status = rows.loc[rows["kind"] == kind, "status"]
+    for solver, element, stepping in settings["kind"].drop_duplicates():
+        status = rows.loc[rows["kind"] == (solver, element, stepping), "status"]
         good = int(status.str.startswith("ok").sum())
         code, _, why = status.iloc[0].partition(": ") if len(status) else ("", "", "")
         lines.append({
-            "scene": levels.case.name, "solver": kind[0], "element": kind[1], "stepping": kind[2],
+            "scene": levels.case.name, "solver": solver, "element": element, "stepping": stepping,
             "runs": len(status), "answers": good,
             "outcome": "answer" if good else OUTCOMES.get(code, "solver failed"), "why": "" if good else why,
         })  # fmt: skip
@@ -155,24 +140,23 @@ def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.
 
 
 def time_near(
-    rows: pd.DataFrame, runner: Runner, also: Sequence[int] = ()
+    rows: pd.DataFrame, runner: Runner, also: Iterable[int] = ()
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The rows with times in turn of those near the front of their solver (and of others), and all samples."""
     near = pd.concat([excess(mine) for _, mine in rows.groupby("solver", sort=False)]) <= NEAR
     chosen = sorted({*near.index[near], *also})
-    rows = rows.assign(in_turn=rows.index.isin(chosen))
     costs = runner.time_in_turn(list(rows.loc[chosen, "trial"])) if chosen else []
-    samples: list[dict[str, Any]] = []
-    for k, found in zip(chosen, costs, strict=True):
-        for name, value in vars(least(found)).items():
-            rows.loc[k, name] = value
-        samples += [{"row": k, "cpu_s": cost.cpu_s, "build_s": cost.build_s} for cost in found]
+    rows = rows.assign(in_turn=rows.index.isin(chosen))
+    rows.update(pd.DataFrame([least(found) for found in costs], index=chosen))
     rows["whole_s"] = rows["cpu_s"] + rows["build_s"].fillna(0.0)
     rows["excess"] = excess(rows[rows["in_turn"]]).reindex(rows.index)
+    samples = [
+        (k, cost.cpu_s, cost.build_s) for k, found in zip(chosen, costs, strict=True) for cost in found
+    ]
     return rows, pd.DataFrame(samples, columns=["row", "cpu_s", "build_s"])
 
 
-def like_with_like(rows: pd.DataFrame) -> list[int]:
+def like_with_like(rows: pd.DataFrame) -> Sequence[int]:
     """Rows of the same elements, mesh, step and integrator, by the tightest bounds, that several solvers have."""
     found: list[int] = []
     plain = rows[rows["tightest"] & (rows["status"] == "ok") & ~(rows["tolerance"] > 0.0)]

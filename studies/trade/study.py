@@ -12,7 +12,7 @@ from studies.engine.files import file_name
 from studies.engine.fronts import front
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
-from studies.engine.tables import Table, error_text, milliseconds, records, times
+from studies.engine.tables import Table, milliseconds, records
 from studies.report.plots import floor, log_axes, look_of, picture
 from studies.trade import tables as made
 from studies.trade.measure import like_with_like, solve_all, time_near
@@ -84,18 +84,17 @@ def _answer(best: pd.DataFrame, equal: pd.DataFrame) -> Answer:
     question = f"{line['scene']}: which setting for an error of {target:g}?"
     if line["status"] != "ok":
         return Answer(question, f"error {line['error_bound']:.1g}", f"{line['status']}: {line['setting']}.")
-    slower = [
-        f"{r['solver']} {times(r['ratio'])} times by steps, {times(r['ratio_whole'])} by whole calls"
+    slower = "; ".join(
+        f"{r['solver']} {r['ratio']:.3g} times by steps, {r['ratio_whole']:.3g} by whole calls"
         for r in records(equal[(equal["target"] == target) & (equal["ratio"] > 1.0)])
-    ]
-    others = f" Other solvers at their best settings take longer: {'; '.join(slower)}." if slower else ""
+    )
+    others = f" Other solvers at their best settings take longer: {slower}." if slower else ""
     bound = (
-        f"error bound {line['error_bound']:.2g} ({made.parts_text(line)}), measured error {error_text(line)}"
+        f"error bound {line['error_bound']:.2g} ({made.parts_text(line)}), measured error {line['error']:.2g}"
     )
     figure = f"{milliseconds(line['cpu_s'])} of steps, {milliseconds(line['whole_s'])} of the whole call"
-    return Answer(
-        question, figure, f"{line['setting']} ({line['dofs']} coordinates, one thread): {bound}.{others}"
-    )
+    take = f"{line['setting']} ({line['dofs']} coordinates, one thread): {bound}.{others}"
+    return Answer(question, figure, take)
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:

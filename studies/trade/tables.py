@@ -9,14 +9,15 @@ from typing import Any
 import pandas as pd
 
 from anctmm.model.case import Case
+from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from studies.engine.fronts import NEAR, cost_at, excess, reaching
 from studies.engine.identity import identity
-from studies.engine.refinement import Refined, difference, offer_of
+from studies.engine.refinement import Refined, difference
 from studies.engine.runner import Runner
-from studies.engine.tables import BELOW, BUILD, Table, error_text, records
+from studies.engine.tables import BUILD, Table, records
 from studies.engine.timing import SHORT
-from studies.engine.trials import NO_BEAMS
+from studies.engine.trials import NO_BEAMS, offer_of
 from studies.trade.settings import Levels
 
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
@@ -28,8 +29,9 @@ FOUND = [
     "error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s", "whole_s", "cpu_spread", "build_s",
     "repeats", "steps", "newton_iterations", "dofs",
 ]  # fmt: skip
-#: Columns that are the same in runs that are compared like with like.
+#: Columns that are the same in runs that are compared like with like; and ratios of those runs.
 SAME = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
+RATIOS = ["ratio", "ratio_whole", "corrections_per_step", "ratio_per_correction"]
 BOUND = (
     "error_bound: mesh_error + step_error + reference_error. A setting meets a target if this sum does, for every "
     "solver: errors of mesh and step that cancel in part are chance, which another motion changes. mesh_error: of a "
@@ -57,7 +59,6 @@ REFERENCES = (
     "from_cable: difference of the model to that of cables, which no mesh removes. case: identity of scene, probes and "
     "times.",
 )
-RATIOS = ["ratio", "ratio_whole", "corrections_per_step", "ratio_per_correction"]
 
 
 def setting_of(line: Mapping[Any, Any]) -> str:
@@ -79,9 +80,8 @@ def stepping(rows: pd.DataFrame) -> pd.Series:
 
 def parts_text(line: Mapping[Any, Any]) -> str:
     """Parts of an error in words."""
-    mesh = [] if line["elements"] == NO_BEAMS else [f"mesh {line['mesh_error']:.1g}"]
-    step, reference = error_text(line, "step_error", ".1g"), f"{line['reference_error']:.1g}"
-    return " + ".join([*mesh, f"step {step}", f"reference {reference}"])
+    mesh = "" if line["elements"] == NO_BEAMS else f"mesh {line['mesh_error']:.1g} + "
+    return f"{mesh}step {line['step_error']:.1g} + reference {line['reference_error']:.1g}"
 
 
 def recommended(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
@@ -93,28 +93,26 @@ def recommended(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
         line = (able if len(able) else timed.sort_values("error_bound")).iloc[0].to_dict()
         status = "ok" if len(able) else "not reached: no smaller error bound was measured"
         lines.append(line | {"target": target, "setting": setting_of(line), "status": status})
-    columns = ["scene", "target", "setting", *FOUND, "status", *SETTING]
+    frame = pd.DataFrame(lines, columns=["scene", "target", "setting", *FOUND, "status", *SETTING])
     note = "The cheapest measured setting whose error bound meets the target. `anctmm recommend` prints its script."
-    frame = pd.DataFrame(lines, columns=columns)
     return Table("recommended", "Recommended settings", frame, (note, BOUND, TIMES))
 
 
 def at_equal_error(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
     """The cheapest setting of each solver for each target error, and how its time compares with the cheapest of all."""
-    timed = rows[rows["in_turn"]]
     columns = [
         "scene", "target", "solver", "setting", "error_bound", "dofs", "cpu_s", "whole_s", *RATIOS, "ratio_at_error",
         "status",
     ]  # fmt: skip
-    frames = [_at(timed, target, list(dict.fromkeys(rows["solver"]))) for target in targets]
+    frames = [_at(rows, target) for target in targets]
     frames = [frame for frame in frames if len(frame)] or [pd.DataFrame(columns=columns)]
-    return Table(
-        "at_equal_error", "Solvers at equal error", pd.concat(frames, ignore_index=True)[columns], EQUAL
-    )
+    frame = pd.concat(frames, ignore_index=True)[columns]
+    return Table("at_equal_error", "Solvers at equal error", frame, EQUAL)
 
 
-def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> pd.DataFrame:
+def _at(rows: pd.DataFrame, target: float) -> pd.DataFrame:
     """A row a solver at one target, the cheapest first; none where no solver meets it."""
+    timed, solvers = rows[rows["in_turn"]], rows["solver"].unique()
     met = reaching(timed, target)
     if met.empty:
         return met
@@ -122,13 +120,9 @@ def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> pd.DataFr
     exact = {s: cost_at(timed[timed["solver"] == s], target) for s in solvers}
     best["setting"] = [setting_of(line) for line in records(best)]
     best["ratio_at_error"] = best["solver"].map(exact) / exact[best["solver"].iloc[0]]
-    least = timed.groupby("solver")["error_bound"].min()
-    missed = [s for s in solvers if s not in set(best["solver"])]
-    bounds = [least.get(s, nan) for s in missed]
-    why = [
-        f"not reached: {b:.1e} at best" if b > 0.0 else "not reached: no run with an error" for b in bounds
-    ]
-    others = pd.DataFrame({"solver": missed, "setting": "-", "status": why})
+    missed = timed.groupby("solver")["error_bound"].min().reindex(solvers).drop(best["solver"])
+    why = [f"not reached: {b:.1e} at best" if b > 0 else "not reached: no run with an error" for b in missed]
+    others = pd.DataFrame({"solver": missed.index, "setting": "-", "status": why})
     return pd.concat([best.assign(status="ok"), others]).assign(target=target, scene=timed["scene"].iloc[0])
 
 
@@ -165,7 +159,7 @@ def front_table(rows: pd.DataFrame) -> Table:
 
 def points_table(rows: pd.DataFrame) -> Table:
     """All settings."""
-    return Table("points", "All settings", _public(rows), (BOUND, TIMES, BELOW, BUILD), "study")
+    return Table("points", "All settings", _public(rows), (BOUND, TIMES, BUILD), "study")
 
 
 def _public(rows: pd.DataFrame) -> pd.DataFrame:
@@ -192,22 +186,26 @@ def references(levels: Levels, runner: Runner) -> Table:
 def _checks(case: Case, element: str, found: Refined, runner: Runner) -> Iterator[tuple[str, float]]:
     """Other solvers with the same element that run the reference's setting, and their differences."""
     for solver in registry.names() if found.known else ():
-        offer = offer_of(solver)
-        can = offer.element_of(element) == element and not offer.lacking({element})
-        if can and solver != found.trial.solver:
-            solution = runner.solve(replace(found.trial, solver=solver))
-            if solution.status.ok:
-                yield solver, difference(solution, found.solution, case.probes)
+        other = replace(found.trial, solver=solver)
+        can = other.used == element and not offer_of(solver).lacking({element})
+        if can and other != found.trial and (solution := runner.solve(other)).status.ok:
+            yield solver, difference(solution, found.solution, case.probes)
 
 
 def histories(levels: Levels) -> Table:
     """Displacements of the probes in the references: `anctmm recommend` compares its rerun with them."""
+    known = {element: found.solution for element, found in levels.references.items() if found.known}
+    frames = [history(levels.case, solution).assign(element=element) for element, solution in known.items()]
     columns = ["scene", "element", "body", "fraction", "t", "u_x", "u_y"]
-    parts = [pd.DataFrame(columns=columns)]
-    for element, found in levels.references.items():
-        for probe in levels.case.probes if found.known else ():
-            about = levels.case.name, element, *levels.case.scene.probe(probe)
-            t, u = found.solution.t, found.solution.displacement(probe)
-            parts.append(pd.DataFrame(dict(zip(columns, (*about, t, *u.T), strict=True))))
-    frame = pd.concat(parts[1:] or parts, ignore_index=True)
+    frame = pd.concat(frames, ignore_index=True)[columns] if frames else pd.DataFrame(columns=columns)
     return Table("histories", "Histories of the references", frame, ("m, over time, s.",), "files")
+
+
+def history(case: Case, solution: Solution) -> pd.DataFrame:
+    """Displacements of the probes over time, one probe after the other."""
+    frames = []
+    for probe in case.probes:
+        (body, fraction), (x, y) = case.scene.probe(probe), solution.displacement(probe).T
+        about = {"scene": case.name, "body": body, "fraction": fraction, "t": solution.t}
+        frames.append(pd.DataFrame({**about, "u_x": x, "u_y": y}))
+    return pd.concat(frames, ignore_index=True)

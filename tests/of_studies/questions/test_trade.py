@@ -10,7 +10,7 @@ from user_cases import ARM, PORTAL_FRAME
 
 import anctmm as at
 from studies.cases import find_case
-from studies.engine.refinement import Refinement, Setup
+from studies.engine.refinement import Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError
 from studies.trade import recommend
@@ -39,7 +39,7 @@ def test_a_recommended_setting_meets_its_target_against_a_far_finer_run(result):
     best = result.table("recommended").frame
     assert best["status"].eq("ok").all()
     assert (best["mesh_error"] + best["step_error"] + best["reference_error"] <= best["target"]).all()
-    far = Refinement(CASE, Setup(integrator="esdirk"), Runner()).refined(1e-4)
+    far = Refinement(CASE, Runner(), integrator="esdirk").refined(1e-4)
     for line in best.to_dict("records"):
         solution = Runner().solve(recommend.trial_of(line, CASE))
         assert at.compare(solution, far.solution, CASE.probes).error <= line["target"]
