@@ -62,13 +62,7 @@ TABLES = {
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of a case: cables, and of whole studies shear elements, too, if no element is requested.
-
-    Raises
-    ------
-    StudyError
-        If meshes or steps do not fit the case, or nothing is refined, or an integrator is given where nothing moves.
-    """
+    """Run the study of a case: cables, and of whole studies shear elements, too, if no element is requested."""
     case, quick = options.case, options.quick
     check_fits(options, case)
     meshes, steps = given_levels(case, options)
@@ -100,12 +94,7 @@ def run(options: Options, runner: Runner) -> Result:
 def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[float, ...]]:
     """Meshes from coarse to fine, and steps (s) from long to short, of a case; none where none are given.
 
-    Raises
-    ------
-    StudyError
-        If one mesh is not finer than another, or there is nothing to compare.
-    StepError
-        If a step does not divide the interval of output.
+    StudyError if one mesh is not finer than another, or nothing can be compared; StepError if a step does not fit.
     """
     each = [mesh * len(case.scene.beams) if len(mesh) == 1 else mesh for mesh in options.meshes or ()]
     meshes, steps = tuple(sorted(each, key=sum)), tuple(sorted(options.steps or (), reverse=True))
@@ -208,7 +197,7 @@ def _estimate(found: Refined) -> str:
         return "there is no mesh or step to refine"
     given = "" if found.levels.estimates else "; the other is the one given, and its error is not known"
     short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
-    return f"{found.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
+    return f"{found.trial.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
 
 
 def _holds_stretch(found: Refined) -> bool:

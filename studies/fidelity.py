@@ -53,13 +53,7 @@ Kinds = tuple[str, ...]
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of a case that has beams.
-
-    Raises
-    ------
-    StudyError
-        If it has none.
-    """
+    """Run the study of a case; StudyError if it has no beams."""
     case = options.case
     if not case.scene.beams:
         raise StudyError(f"case {case.name!r} has no beam; at least one is needed to choose its element")
@@ -72,17 +66,15 @@ def run(options: Options, runner: Runner) -> Result:
         refined[kind] = Refinement(case, runner, element=kind).refined(SHARE * smallest)
     rows = _rows(case, choices, refined, runner, choices.first())
     ok = rows[rows["status"] == "ok"]
-    known = {
-        pair: ok[ok["element"] == "/".join(choices.alone(*pair))]["error"].max() for pair in choices.pairs
-    }
-    if more := [
-        kinds for kinds in choices.best(known, targets) if "/".join(kinds) not in set(rows["element"])
-    ]:
+    worst = ok.groupby("element")["error"].max().to_dict()
+    known = {pair: worst.get("/".join(choices.alone(*pair)), nan) for pair in choices.pairs}
+    more = [k for k in choices.best(known, targets) if "/".join(k) not in set(rows["element"])]
+    if more:
         rows = pd.concat([rows, _rows(case, choices, refined, runner, more)], ignore_index=True)
     rows["gain"] = rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"]
     alone = pd.DataFrame(_simplified(case, rows, choices, targets))
     cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
-    model, sentence = _finding(case, rows, cheapest)
+    model, sentence = _finding(rows, cheapest)
     question = f"{case.name}: which beams may be modelled more simply?"
     return Result(
         name="fidelity", title="Fidelity", question="Which beam must be modelled how finely, and what is saved?",
@@ -152,15 +144,17 @@ class Choices:
                     kinds[k] = kind
         return tuple(kinds)
 
+    def label(self, unit: int) -> str:
+        """The beams of a unit in words."""
+        name, *equal = (self.names[k] for k in self.units[unit])
+        return name + (f" and {len(equal)} equal ones" if equal else "")
+
     def words(self, kinds: Kinds) -> str:
         """A choice in words."""
         usual = max(dict.fromkeys(kinds), key=kinds.count)
-        parts = []
-        for kind in dict.fromkeys(k for k in kinds if k != usual):
-            those = [name for name, k in zip(self.names, kinds, strict=True) if k == kind]
-            more = f" and {len(those) - 4} more" if len(those) > 4 else ""
-            parts.append(f"{', '.join(those[:4])}{more} {kind}")
-        return f"{usual}, but {'; '.join(parts)}" if parts else usual if len(kinds) == 1 else f"all {usual}"
+        own = [(self.label(k), kinds[unit[0]]) for k, unit in enumerate(self.units)]
+        others = [f"{beams} {kind}" for beams, kind in own if kind != usual]
+        return f"{usual}, but {', '.join(others)}" if others else usual
 
 
 def _rows(
@@ -171,9 +165,8 @@ def _rows(
     Each kind is on the mesh and moves by the step that its own refinement found.
     """
     reference, runner.heading = refined[choices.kinds[0]], f"{case.name}, choices: "
-    planned = [
-        (kinds, trial) for kinds in every for trial in _trials(case, choices, refined, kinds, runner.quick)
-    ]
+    most = MOST_WORK[runner.quick]
+    planned = [(k, trial) for k in every for trial in _trials(case, choices, refined, k, most)]
     solutions = runner.solve_many(trial for _, trial in planned)
     rows = pd.DataFrame([
         {
@@ -191,7 +184,7 @@ def _rows(
 
 
 def _trials(
-    case: Case, choices: Choices, refined: Mapping[str, Refined], kinds: Kinds, quick: bool
+    case: Case, choices: Choices, refined: Mapping[str, Refined], kinds: Kinds, most_work: float
 ) -> Iterator[Trial]:
     """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
     mesh = tuple(refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
@@ -203,7 +196,7 @@ def _trials(
     if not case.static:
         dt = step_below(case, min(explicit_limit(implicit), 1e-3 * case.duration))
         explicit = replace(implicit, integrator=EXPLICIT, dt=dt)
-        yield from (explicit,) if explicit.work <= MOST_WORK[quick] else ()
+        yield from (explicit,) if explicit.work <= most_work else ()
 
 
 def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
@@ -225,9 +218,7 @@ def _simplified(
 ) -> Iterator[dict[str, Any]]:
     """Error and gain of each beam simplified alone, or why it cannot be."""
     for unit, kind in choices.pairs:
-        name, *equal = (choices.names[k] for k in choices.units[unit])
-        others = f" and {len(equal)} equal ones" if equal else ""
-        about = {"scene": case.name, "beam": name + others, "kind": kind}
+        about = {"scene": case.name, "beam": choices.label(unit), "kind": kind}
         runs = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s")
         best = runs.iloc[0]  # those that fail have no time, and are the last
         if best["status"] != "ok":
@@ -249,19 +240,17 @@ def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
     return {**about, **{name: best[name] for name in names}}
 
 
-def _finding(case: Case, rows: pd.DataFrame, cheapest: pd.DataFrame) -> tuple[str, str]:
+def _finding(rows: pd.DataFrame, cheapest: pd.DataFrame) -> tuple[str, str]:
     """The simplest model that meets the smallest target, and a sentence on it."""
-    met = cheapest[cheapest["status"] == "ok"]
+    met, detailed, scene = cheapest[cheapest["status"] == "ok"], rows["model"].iloc[0], rows["scene"].iloc[0]
     if met.empty:
-        return "none", f"{case.name}: no model meets any target error."
-    best, detailed = met.iloc[-1], rows["model"].iloc[0]
-    sure, by = best["reference_error"], "" if case.static else f" with {best['integrator']}"
-    away = f"{best['error']:.1g} ± {sure:.1g} from {detailed}, which takes {best['gain']:.2g} times as long"
-    none = f"no simpler model meets it (uncertainty {sure:.1g})"
-    return str(best["model"]), (
-        f"{case.name}: for a target error of {best['target']:g}: {best['model']}{by}, {milliseconds(best['cpu_s'])}; "
-        f"{none if best['model'] == detailed else away}."
-    )
+        return "none", f"{scene}: no model meets any target error."
+    best = met.iloc[-1]
+    takes = f"{best['model']} ({best['integrator']}), {milliseconds(best['cpu_s'])}"
+    away = f"{best['error']:.1g} ± {best['reference_error']:.1g} from {detailed}"
+    slower = f"{away}, which takes {best['gain']:.2g} times as long"
+    why = "no simpler model meets it" if best["model"] == detailed else slower
+    return str(best["model"]), f"{scene}: for a target error of {best['target']:g}: {takes}; {why}."
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:

@@ -165,7 +165,7 @@ def show(run: SingleRun, console: Console) -> None:
     """Print the setting, its error, and the values at the probes."""
     found, case = run.found, run.found.levels.case
     status, cost = found.solution.status, found.solution.cost
-    say(console, f"{case.name}: {found.label}", "bold")
+    say(console, f"{case.name}: {found.trial.label}", "bold")
     if case.note:
         say(console, case.note, "dim")
     say(console, f"{status}", "green" if status.ok else "red")

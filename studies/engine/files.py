@@ -12,13 +12,7 @@ LONGEST = 150
 
 
 def atomic_write(path: Path, content: str | bytes) -> None:
-    """Write a file so that a reader sees the old one or the whole new one.
-
-    Raises
-    ------
-    OutputError
-        Naming the file and the reason, if it cannot be written; the old one is then still there.
-    """
+    """Write a file so that a reader sees the old one or the whole new one; OutputError if it cannot be written."""
     data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -40,12 +34,7 @@ def file_name(text: str) -> str:
 
 
 def check_writable(directory: Path, option: str = "--out") -> None:
-    """Make a directory for results, and refuse one that cannot be written before any work.
-
-    Raises
-    ------
-    OutputError
-    """
+    """Make a directory for results; OutputError, before any work, if it cannot be written."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=directory).close()

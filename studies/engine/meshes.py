@@ -80,13 +80,7 @@ def step_below(case: Case, limit: float) -> float:
 
 
 def stable_step(scene: Scene, mesh: Any, longest: float, **options: Any) -> float:
-    """Largest explicit step of ANC–TMM that it does not refuse as unstable, s, to a per cent.
-
-    Raises
-    ------
-    AnctmmError
-        If the scene has no explicit runs.
-    """
+    """Largest explicit step of ANC–TMM that it does not refuse, s, to a per cent; AnctmmError without such runs."""
 
     def is_stable(dt: float) -> bool:
         try:

@@ -42,13 +42,7 @@ class Change:
     turn: float = 0.0
 
     def scene(self, scene: at.Scene) -> at.Scene:
-        """The scene with these numbers.
-
-        Raises
-        ------
-        UnknownKindError
-            If it has a part of a user's own kind.
-        """
+        """The scene with these numbers; UnknownKindError if it has a part of a user's own kind."""
         parts: dict[str, Any] = {
             name: tuple(self._part(thing) for thing in getattr(scene, name))
             for name in ("bodies", "joints", "loads", "connectors")

@@ -139,13 +139,12 @@ class Refinement:
             better = found.solution.status.ok and found.error <= best.error
             best = found if better or not best.solution.status.ok else best
         if not found.solution.status.ok:
-            reason = f"{found.label}: {found.solution.status}"
+            reason = f"{found.trial.label}: {found.solution.status}"
         return best if best.reached else replace(best, reason=reason)
 
     def difference(self, one: Solution, other: Solution) -> float:
         """Relative difference of two runs at the case's probes; infinite where one is not complete."""
-        whole = one.status.ok and other.status.ok
-        found = difference(one, other, self.case.probes) if whole else inf
+        found = difference(one, other, self.case.probes)
         return found if isfinite(found) else inf
 
     def _work(self, trial: Trial) -> float:
@@ -160,9 +159,11 @@ class Refinement:
 
     def _at(self, i: int, j: int, target: float) -> "Refined":
         if not self.solution(i, j).status.ok:
-            return Refined(self, i, j, Part(inf), Part(inf), target)
-        self._solve([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
-        return Refined(self, i, j, self.part(i, j, MESH), self.part(i, j, STEP), target)
+            mesh = step = Part(inf)
+        else:
+            self._solve([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
+            mesh, step = self.part(i, j, MESH), self.part(i, j, STEP)
+        return Refined(self, i, j, self.trial(i, j), self.solutions[i, j], mesh, step, target)
 
     def _finer(self, found: "Refined") -> tuple[int, int]:
         """The next level: the larger part of the error is refined, both where each alone is too large."""
@@ -181,6 +182,8 @@ class Refined:
     levels: Refinement
     i: int  # level of its mesh
     j: int  # level of its step
+    trial: Trial
+    solution: Solution
     mesh: Part
     step: Part
     target: float
@@ -195,21 +198,6 @@ class Refined:
     def reached(self) -> bool:
         """Whether the estimated error is no larger than the target."""
         return self.solution.status.ok and self.error <= self.target
-
-    @property
-    def solution(self) -> Solution:
-        """Its solution."""
-        return self.levels.solution(self.i, self.j)
-
-    @property
-    def trial(self) -> Trial:
-        """The run."""
-        return self.levels.trial(self.i, self.j)
-
-    @property
-    def label(self) -> str:
-        """The run in words."""
-        return self.trial.label
 
     @property
     def parts(self) -> str:
@@ -231,26 +219,24 @@ class Refined:
     def name(self) -> str:
         """Of the reference: solver and settings, or why there is none."""
         why = self.reason or "no coarser run is complete"
-        return self.label if self.known else f"none: {self.label}: {why}"
+        return self.trial.label if self.known else f"none: {self.trial.label}: {why}"
 
     def error_of(self, solution: Solution) -> float:
         """Error of a solution against this one; NaN where one of them is not complete."""
-        if not (self.known and solution.status.ok):
-            return nan
-        return difference(solution, self.solution, self.levels.case.probes)
+        return difference(solution, self.solution, self.levels.case.probes) if self.known else nan
 
 
 def difference(one: Solution, other: Solution, probes: Sequence[Probe]) -> float:
-    """Relative difference of two complete runs: the largest over the probes of RMS in time over the maximum in time.
+    """Relative difference of two runs: the largest over the probes of RMS in time over the maximum in time.
 
     It is that of displacements, of equilibria the last ones; where a probe rests and turns, that of its angles. NaN
-    where the runs have no two times in common.
+    where one is not complete, or they have no two times in common.
     """
     mine, theirs = common_times(one.t, other.t)
+    if not (one.status.ok and other.status.ok) or (mine.size < 2 and not other.static):
+        return nan
     if other.static:
         mine = theirs = np.array([-1])
-    elif mine.size < 2:
-        return nan
 
     def at(probe: Probe) -> float:
         u, v = one.displacement(probe), other.displacement(probe)

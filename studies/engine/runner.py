@@ -59,13 +59,7 @@ class Runner:
         return self.solve_many([trial])[0]
 
     def solve_many(self, trials: Iterable[Trial]) -> list[Solution]:
-        """Solutions of trials, in their order; equal ones are computed once, stored ones not at all.
-
-        Raises
-        ------
-        SweepError
-            If the cluster cannot be reached.
-        """
+        """Solutions of trials, in their order; equal ones are computed once, stored ones not at all."""
         trials = list(trials)
         keys = [self.key(trial) or k for k, trial in enumerate(trials)]  # what has no identity is not stored
         first = dict(zip(reversed(keys), reversed(trials), strict=True))

@@ -94,13 +94,7 @@ class Result:
 
 
 def check_taken(options: Options, study: str) -> None:
-    """Refuse options that a study does not use, and cases whose files would have one name.
-
-    Raises
-    ------
-    StudyError
-        If there is no such study; naming the option, and the studies with that option; or the cases.
-    """
+    """Refuse by a StudyError what a study does not use, a study that is unknown, and cases with files of one name."""
     find(study)
     names = [case.name for case in options.cases or ()]
     if len({file_name(name) for name in names}) < len(names):
@@ -115,12 +109,7 @@ def check_taken(options: Options, study: str) -> None:
 
 
 def check_fits(options: Options, case: Case) -> None:
-    """Refuse options that do nothing for a case, and meshes that fit neither all of its beams nor each.
-
-    Raises
-    ------
-    StudyError
-    """
+    """Refuse by a StudyError what does nothing for a case, and meshes that fit neither all of its beams nor each."""
     still, bare = "is a static equilibrium, which has no step", "has no beams"
     useless = {"meshes": bare, "element": bare} if not case.scene.beams else {}
     useless |= {"steps": still, "integrator": still} if case.static else {}
@@ -132,13 +121,7 @@ def check_fits(options: Options, case: Case) -> None:
 
 
 def find(name: str) -> Callable[[Options, Runner], Result]:
-    """The `run` of a study.
-
-    Raises
-    ------
-    StudyError
-        If there is no such study.
-    """
+    """The `run` of a study; StudyError if there is no such study."""
     if name not in STUDIES:
         raise StudyError(f"study {name!r} is unknown; allowed are {', '.join(STUDIES)}")
     return import_module(STUDIES[name][0]).run  # type: ignore[no-any-return]

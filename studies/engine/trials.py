@@ -6,7 +6,7 @@ from math import inf, nan
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, SolverError, shown
+from anctmm.errors import AnctmmError, SolverError, UnsupportedError, shown
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.ended_early import nothing
@@ -182,7 +182,8 @@ def guarded(trial: Trial, solve: Callable[[], Solution]) -> Solution:
         with contained():
             return solve()
     except AnctmmError as error:
-        status = Status("refused", " ".join(str(error).split()))
+        code = "unsupported" if isinstance(error, UnsupportedError) else "refused"
+        status = Status(code, " ".join(str(error).split()))
     except Exception as error:  # one broken solver must not end a study
         status = Status("failed", f"{type(error).__name__}: {' '.join(str(error).split())}")
     return nothing(trial.solver, trial.scene, None, status)

@@ -18,6 +18,8 @@ from studies.engine.tables import Table
 from studies.engine.trials import Trial
 
 Row = dict[str, Any]
+Variant = Callable[[float], Trial]  # by a factor
+Measured = Callable[[Trial, Solution], Row]
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-3, True: 1e-2}
 #: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
@@ -33,11 +35,6 @@ class Part:
     table: Table
     finding: str
     pictures: tuple[Picture, ...] = ()
-
-
-def part(name: str, title: str, rows: Sequence[Row], note: str, finding: str, *pictures: Picture) -> Part:
-    """A part from its rows."""
-    return Part(Table(name, title, pd.DataFrame(rows), (note,)), finding, pictures)
 
 
 @dataclass(frozen=True)
@@ -73,17 +70,17 @@ class Base:
         self.runner.heading = f"{self.case.name}, {what}: "
         return self.runner.solve(trial)
 
-    def row(self, status: str = "ok", **columns: Any) -> Row:
+    def row(self, status: object = "ok", **columns: Any) -> Row:
         """A row of a table."""
-        return {"scene": self.case.name, **columns, "status": status}
+        return {"scene": self.case.name, **columns, "status": str(status)}
 
-    def swept(
-        self,
-        what: str,
-        factors: Sequence[float],
-        variant: Callable[[float], Trial],
-        measured: Callable[[Trial, Solution], Row],
-    ) -> list[Row]:
+    def part(self, name: str, title: str, note: str, rows: Sequence[Row], text: str, *drawn: Picture) -> Part:
+        """A part from its rows; its sentence is the first status where nothing is known."""
+        known = text if good(rows) else f"{title.lower()}: {rows[0]['status']}"
+        table = Table(name, title, pd.DataFrame(rows), (note,))
+        return Part(table, f"{self.case.name}: {known}.", drawn)
+
+    def swept(self, what: str, factors: Sequence[float], variant: Variant, measured: Measured) -> list[Row]:
         """A row for each factor: what is measured of its variant, or why there is nothing."""
         rows = []
         for factor in factors:
@@ -93,7 +90,7 @@ class Base:
                 continue
             run = self.run(trial, f"{what}, {factor:g}")
             found = measured(trial, run) if run.status.ok else {}
-            rows.append(self.row(str(run.status), factor=factor, **found))
+            rows.append(self.row(run.status, factor=factor, **found))
         return rows
 
 

@@ -38,12 +38,7 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
     """A row a setting with its error and the time of one run, and a row a kind of setting with its outcome.
 
     Runs go from coarse to fine, of all solvers in turn. Settings that would take too long, by the time of the runs
-    before, are left out, and so is what follows a refused run.
-
-    Raises
-    ------
-    StudyError
-        If all would take too long.
+    before, are left out, and so is what follows a refused run. StudyError if all would take too long.
     """
     rows: list[dict[str, Any]] = []
     rates: dict[tuple[str, ...], float] = {}  # s by elements times steps; NaN of what was refused
@@ -109,7 +104,7 @@ def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine
         "own": str({k: v for k, v in trial.options if k not in SHARED}), "steps": cost.steps,
         "newton_iterations": cost.newton_iterations, "error": reference.error_of(solution),
         "mesh_error": reference.error_of(fine[0]) if fine else nan,
-        "step_error": difference(solution, fine[0], levels.case.probes) if fine and solution.status.ok else nan,
+        "step_error": difference(solution, fine[0], levels.case.probes) if fine else nan,
         "reference_error": reference.uncertainty, "step_reference_error": fine[1] if fine else nan,
         "cpu_s": cost.cpu_s, "cpu_spread": nan, "build_s": cost.build_s, "repeats": 1,
         "status": str(solution.status), "reference": reference.name,

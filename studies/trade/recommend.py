@@ -25,19 +25,14 @@ from studies.engine.study import Options, Result
 from studies.engine.tables import milliseconds, say, show_frame
 from studies.engine.trials import NO_BEAMS, SHARED, Trial
 from studies.trade.settings import same_continuum
-from studies.trade.tables import SETTING, history, parts_text, setting_of, stepping
+from studies.trade.tables import history, parts_text, setting_of, stepping
 
 #: The trade of the built-in scenes that ships with the package.
 KEPT = Path(__file__).parent / "kept"
 #: Factor by which a rerun without a target may differ from the table's error: it is the same computation.
 SAME = 1.01
-#: Columns of the points, the histories and the references.
-PARTS = ("error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s")
-NEEDED = {
-    "points": ("scene", *SETTING, *PARTS),
-    "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
-    "references": ("scene", "element", "from_cable", "case"),
-}
+#: Tables that are read, and a column that only tables of their kind have.
+NEEDED = {"points": "error_bound", "histories": "u_x", "references": "case"}
 
 
 class RecommendError(AnctmmError, ValueError):
@@ -55,8 +50,7 @@ class Measured:
 
     def is_of(self, case: Case) -> bool:
         """Whether it was measured with this scene, these probes and these times."""
-        known = self.references[self.references["scene"] == case.name]
-        return identity(case) in set(known["case"])
+        return identity(case) in set(self.references["case"])
 
 
 @dataclass(frozen=True)
@@ -84,69 +78,44 @@ class Rerun:
 
 
 def find(case: Case) -> Measured | None:
-    """The first trade of a case that is there, the one that `anctmm study trade` writes first; None without one.
-
-    Raises
-    ------
-    RecommendError
-        If it cannot be read.
-    """
+    """The first trade of a case that is there, the one that `anctmm study trade` writes first; None without one."""
     own = Path("results") / file_name(case.name) / "trade"
-    folders = [
-        f for f in (own, Path("results/trade"), Path("reports/trade"), KEPT) if (f / "front.csv").is_file()
-    ]
-    every = ((folder, read(folder)) for folder in folders)
-    known = (m for f, m in every if case.name in set(m.points["scene"]) and (f != KEPT or m.is_of(case)))
-    return next(known, None)
+    for folder in (own, Path("results/trade"), Path("reports/trade"), KEPT):
+        found = read(folder) if (folder / "front.csv").is_file() else None
+        if found and case.name in set(found.points["scene"]) and (folder != KEPT or found.is_of(case)):
+            return found
+    return None
 
 
 def read(folder: Path) -> Measured:
     """The tables that `anctmm study trade` left in a directory; of points all, or those of the fronts.
 
-    Raises
-    ------
-    RecommendError
-        If a table is missing, cannot be read, or is another one.
+    RecommendError if a table is missing, cannot be read, or is another one.
     """
     frames: list[Any] = []
     for name, needed in NEEDED.items():
-        file = "front" if name == "points" and not (folder / "points.csv").is_file() else name
-        path = folder / f"{file}.csv"
+        every = name != "points" or (folder / "points.csv").is_file()
+        path = folder / f"{name if every else 'front'}.csv"
         try:
-            frame = pd.read_csv(path, dtype={"elements": str, "own": str})
+            frames.append(pd.read_csv(path, dtype={"elements": str, "own": str}))
         except (OSError, ValueError, OverflowError) as error:
+            raise RecommendError(f"table {path} cannot be read ({error})") from None
+        if needed not in frames[-1]:
             raise RecommendError(
-                f"table {path} cannot be read ({error}); `anctmm study trade` writes it"
-            ) from None
-        if missing := [column for column in needed if column not in frame.columns]:
-            raise RecommendError(
-                f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
+                f"table {path} has no column {needed!r}; one of `anctmm study trade` is needed"
             )
-        frames.append(frame)
     return Measured(*frames, "the table that ships with anctmm" if folder == KEPT else str(folder))
 
 
 def of_result(result: Result) -> Measured:
-    """The tables of a trade that was measured just now.
-
-    Raises
-    ------
-    RecommendError
-        If all of its runs are refused or fail.
-    """
+    """The tables of a trade that was measured just now; RecommendError if all of its runs are refused or fail."""
     if not result.good:
         raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    points, histories, references = (result.table(name).frame for name in NEEDED)
-    return Measured(points, histories, references, "measured now")
+    return Measured(*(result.table(name).frame for name in NEEDED), "measured now")
 
 
 def check_case(measured: Measured, case: Case) -> None:
-    """Refuse tables of a case that was changed since.
-
-    Raises
-    ------
-    RecommendError
-    """
+    """Refuse tables of a case that was changed since."""
     if not measured.is_of(case):
         raise RecommendError(
             f"{measured.origin} was measured before scene {case.name!r}, its probes or its times were changed; "
@@ -155,27 +124,18 @@ def check_case(measured: Measured, case: Case) -> None:
 
 
 def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame:
-    """Rows of a scene, and of some solvers, meshes, steps, of an integrator and an element.
-
-    Raises
-    ------
-    RecommendError
-        If nothing is left.
-    """
+    """Rows of a scene, and of some solvers, meshes, steps, an integrator and an element; RecommendError without any."""
     mine = points[(points["scene"] == scene) & (points["error_bound"] > 0) & (points["cpu_s"] > 0)]
     if mine.empty:
-        names = ", ".join(dict.fromkeys(points["scene"]))
-        raise RecommendError(
-            f"scene {scene!r} has no setting with an error and a time; scenes of the table: {names}"
-        )
+        names = ", ".join(points["scene"].unique())
+        raise RecommendError(f"scene {scene!r} has no setting with an error and a time; others have: {names}")
     wanted = {
-        "--solvers": ("solver", options.solvers), "--integrator": ("integrator", options.integrator),
-        "--element": ("element", options.element), "--dt": ("dt", options.steps),
-        "--elements": ("elements", options.meshes and tuple(map(mesh_label, options.meshes))),
+        "--solvers": ("solver", options.solvers), "--elements": ("elements", options.meshes),
+        "--dt": ("dt", options.steps), "--element": ("element", options.element and [options.element]),
+        "--integrator": ("integrator", options.integrator and [options.integrator]),
     }  # fmt: skip
     for typed, (column, given) in wanted.items():
-        values = [_shown(value) for value in ([given] if isinstance(given, str) else given or ())]
-        shown = mine[column].map(_shown)
+        values, shown = [_shown(value) for value in given or ()], mine[column].map(_shown)
         if values and not shown.isin(values).any():
             allowed = ", ".join(shown.unique())
             raise RecommendError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
@@ -185,40 +145,33 @@ def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame
 
 def _shown(value: Any) -> str:
     """A value as tables show it."""
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    mesh = isinstance(value, tuple)
+    return mesh_label(value) if mesh else f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) -> Choice:
-    """The cheapest setting whose error bound meets a target, or the one with the smallest bound within a budget.
-
-    Raises
-    ------
-    RecommendError
-        If neither is given.
-    """
+    """The cheapest setting whose error bound meets a target, or the one with the smallest bound within a budget."""
     if error is None and budget_s is None:
         raise RecommendError("--error and --budget are both missing; at least one of them is needed")
     budget = inf if budget_s is None else budget_s
     mine = points.sort_values("cpu_s", kind="stable")
     affordable = mine[mine["cpu_s"] <= budget]
-    able = affordable if error is None else reaching(affordable, error)
     if affordable.empty:
         remark = f"no measured setting is that cheap: the cheapest one takes {mine['cpu_s'].iloc[0]:.2g} s"
         return _choice(mine, mine.iloc[0], remark)
-    if error is not None and len(able):
-        return _choice(able, able.iloc[0])
     best = affordable.sort_values(["error_bound", "cpu_s"]).iloc[0]
-    return _choice(able, best, *(() if error is None else _why_not(mine, error, budget)))
-
-
-def _why_not(mine: pd.DataFrame, error: float, budget: float) -> tuple[str, ...]:
-    able, smallest, floor = reaching(mine, error), mine["error_bound"].min(), mine["reference_error"].min()
+    if error is None:
+        return _choice(affordable, best)
+    able, anywhere = reaching(affordable, error), reaching(mine, error)
     if len(able):
-        takes = f"an error of {error:g} takes {able['cpu_s'].iloc[0]:.2g} s"
-        return (f"{takes}; this is the best within {budget:g} s",)
+        return _choice(able, able.iloc[0])
+    if len(anywhere):
+        takes = f"an error of {error:g} takes {anywhere['cpu_s'].iloc[0]:.2g} s"
+        return _choice(able, best, f"{takes}; this is the best within {budget:g} s")
+    smallest, floor = mine["error_bound"].min(), mine["reference_error"].min()
     reason = f"the measured range does not reach {error:g}: its smallest error bound is {smallest:.2g}"
     below = f"{error:g} is below the uncertainty of the reference, {floor:.1g}: no run can guarantee it"
-    return (reason, below) if error <= floor else (reason,)
+    return _choice(able, best, *((reason, below) if error <= floor else (reason,)))
 
 
 def _choice(rows: pd.DataFrame, chosen: pd.Series, *remarks: str) -> Choice:
@@ -283,14 +236,13 @@ def rerun(choice: Choice, case: Case, given: str, measured: Measured, target: fl
 
 def _error(case: Case, solution: Solution, known: pd.DataFrame) -> float:
     """Error of a solution against the histories of a reference; NaN where they have other times."""
-    mine, moved = history(case, solution), ["u_x", "u_y"]
+    mine = history(case, solution)
     if not (solution.status.ok and len(mine) == len(known) and np.allclose(mine["t"], known["t"])):
         return float("nan")
-    u, v = (frame[moved].to_numpy().reshape(len(case.probes), -1, 2) for frame in (mine, known))
-    return worst(
-        history_error(*pair, rounding_at(solution, probe))
-        for *pair, probe in zip(u, v, case.probes, strict=True)
-    )
+    shape = len(case.probes), -1, 2
+    u, v = (frame[["u_x", "u_y"]].to_numpy().reshape(shape) for frame in (mine, known))
+    rounding = [rounding_at(solution, probe) for probe in case.probes]
+    return worst(map(history_error, u, v, rounding))
 
 
 def show(choice: Choice, origin: str, console: Console) -> None:

@@ -1,9 +1,10 @@
 """Settings of a trade: meshes, steps and references by refinement, and every solver with every freedom on them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from math import isinf, nan
+from math import inf, isinf, nan
+from typing import TypeVar
 
 import pandas as pd
 
@@ -19,6 +20,7 @@ from studies.engine.runner import Runner
 from studies.engine.study import Options
 from studies.engine.trials import EXPLICIT, Given, Trial, explicit_limit, offer_of
 
+Level = TypeVar("Level")
 #: Target errors; the smallest by default, by whether the run is quick.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -55,10 +57,7 @@ def same_continuum(element: str, known: Mapping[str, object]) -> str:
 def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
     """Refine a case with each element, and use the levels of the refinement as the settings to try.
 
-    Raises
-    ------
-    StudyError
-        If none of the probes moves.
+    StudyError if none of the probes moves.
     """
     quick, smallest = options.quick, options.error or SMALLEST[options.quick]
     targets = (*(target for target in TARGETS if target > 1.01 * smallest), smallest)
@@ -68,10 +67,14 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
     runner.heading = f"{case.name}, reference: "
     found = {e: Refinement(case, runner, element=e).refined(SHARE * smallest) for e in models}
     _check_moves(case, found)
-    meshes = {e: options.meshes or _meshes(run, quick) for e, run in found.items()}
+    meshes = {
+        e: options.meshes or _few(run.levels.mesh_at, run.i if run.known else 0, quick)
+        for e, run in found.items()
+    }
     if "cable" in meshes and not quick and case.scene.beams:  # of high order: coarser meshes suffice
         meshes["quintic"] = options.meshes or meshes["cable"][: (len(meshes["cable"]) + 1) // 2]
-    steps = options.steps or _steps(next(iter(found.values())), quick)
+    first = found[models[0]]
+    steps = options.steps or _few(lambda j: first.levels.dt_at(first.i, j), first.j, quick)[-MOST_STEPS:]
     asked = {e: those for e, those in meshes.items() if options.element in (None, e)}
     return Levels(case, asked, steps, found, targets)
 
@@ -85,28 +88,17 @@ def _check_moves(case: Case, found: Mapping[str, Refined]) -> None:
         )
 
 
-def _meshes(run: Refined, quick: bool) -> tuple[Mesh, ...]:
-    """Meshes of the levels up to that of a reference."""
-    levels = [run.levels.mesh_at(i) for i in range(run.i + 1 if run.known else 1)]
+def _few(at: Callable[[int], Level], last: int, quick: bool) -> tuple[Level, ...]:
+    """Levels up to that of a reference; of a quick run the last and some before it, every second one."""
+    levels = [at(k) for k in range(last + 1)]
     return tuple(levels[::-2][FEWEST::-1] if quick else levels)
-
-
-def _steps(run: Refined, quick: bool) -> tuple[float, ...]:
-    """Steps of the levels down to that of a reference."""
-    levels = [run.levels.dt_at(run.i, j) for j in range(run.j + 1)]
-    return tuple(levels[::-2][FEWEST::-1] if quick else levels[-MOST_STEPS:])
 
 
 def grid(levels: Levels, options: Options) -> pd.DataFrame:
     """Every solver with every freedom that it offers, on the same meshes with the same steps: a row a setting.
 
     Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); kind (solver, element
-    and way to step); round (place in the order of the runs, from coarse to fine).
-
-    Raises
-    ------
-    StudyError
-        If no solver offers the requested element and integrator.
+    and way to step); round (place in the order of the runs, from coarse to fine). StudyError without any row.
     """
     late = dict(not_timed(levels.case, options))
     solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
@@ -178,7 +170,7 @@ def steps_of(levels: Levels, trial: Trial) -> tuple[float, ...]:
     """Steps on a mesh, s: explicit ones take the largest safe step and half of it; a tolerance has none."""
     if trial.error_controlled:
         return (nan,)
-    limit = explicit_limit(trial) if trial.integrator == EXPLICIT else float("inf")
+    limit = explicit_limit(trial) if trial.integrator == EXPLICIT else inf
     if isinf(limit):
         return levels.steps
     largest = step_below(levels.case, limit)

@@ -29,13 +29,7 @@ INDEPENDENCE = (
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of a case that moves.
-
-    Raises
-    ------
-    StudyError
-        If the case is static, or nothing is run with the options.
-    """
+    """Run the study of a case that moves; StudyError if it is static, or nothing is run with the options."""
     case = options.case
     if case.static:
         raise StudyError(

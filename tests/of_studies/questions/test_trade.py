@@ -179,5 +179,5 @@ def test_a_table_that_is_another_one_is_named(tmp_path):
     with pytest.raises(recommend.RecommendError, match=r"front\.csv cannot be read"):
         recommend.read(tmp_path)
     (tmp_path / "front.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(recommend.RecommendError, match="has no column 'scene'"):
+    with pytest.raises(recommend.RecommendError, match="has no column 'error_bound'"):
         recommend.read(tmp_path)
