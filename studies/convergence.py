@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.model.joints import Clamp, Weld
 from reference.exact import solve_static as exact_static
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
@@ -27,12 +26,6 @@ from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-5, True: 1e-3}
-#: Observed order of a mesh below which it is taken to be the first.
-FIRST_ORDER = 1.5
-HELD = (
-    ' Where an axial force acts, clamps and welds that hold the stretch leave an error of first order: stretch="free" '
-    "in them removes it."
-)
 #: Titles and notes of the tables.
 TABLES = {
     "mesh": (
@@ -73,7 +66,7 @@ def run(options: Options, runner: Runner) -> Result:
     for solver, element in product(
         options.solvers or (OURS,), (options.element,) if options.element else several
     ):
-        setting = {"solver": solver, "element": element, "integrator": options.integrator or IMPLICIT}
+        setting: Any = {"solver": solver, "element": element, "integrator": options.integrator or IMPLICIT}
         one = Refinement(case, runner, meshes, steps, **setting)
         levels.setdefault((solver, one.plain.used), one)
     found = [one.refined(target) for one in levels.values()]
@@ -170,7 +163,7 @@ def finding(found: Refined) -> str:
     named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.orders, strict=True)
     orders = [f"in the {n} {part.order:.2f} (theory {o:g})" for n, part, o in named if isfinite(part.order)]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
-    return f"{found.levels.case.name}: {order}{_estimate(found)}.{HELD if _holds_stretch(found) else ''}"
+    return f"{found.levels.case.name}: {order}{_estimate(found)}."
 
 
 def answers(found: Refined) -> Iterator[Answer]:
@@ -198,13 +191,6 @@ def _estimate(found: Refined) -> str:
     given = "" if found.levels.estimates else "; the other is the one given, and its error is not known"
     short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
     return f"{found.trial.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
-
-
-def _holds_stretch(found: Refined) -> bool:
-    """Whether a mesh converges at first order only, as it does where joints hold the stretch."""
-    held = any(isinstance(j, Clamp | Weld) and j.stretch == "held" for j in found.levels.case.scene.joints)
-    slow = found.mesh.order < FIRST_ORDER < found.levels.orders[MESH]
-    return held and slow and found.mesh.error > found.step.error
 
 
 def _picture(scene: str, meshes: pd.DataFrame, steps: pd.DataFrame) -> Iterator[Picture]:

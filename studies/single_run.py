@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -112,7 +113,7 @@ def run_case(options: Options, runner: Runner) -> SingleRun:
             f"may differ by it"
         )
     setting = {"element": options.element, "integrator": options.integrator}
-    given = {name: value for name, value in setting.items() if value}
+    given: Any = {name: value for name, value in setting.items() if value}
     levels = Refinement(case, runner, options.meshes or (), options.steps or (), solver=solver, **given)
     if options.steps:
         levels.trial(0, 0).run()  # refuses a step that does not fit

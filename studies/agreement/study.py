@@ -136,7 +136,7 @@ def findings(pairs: pd.DataFrame) -> tuple[str, ...]:
 def run(options: Options, runner: Runner) -> Result:
     """The study as `anctmm study agreement` runs it."""
     solvers = list(options.solvers or registry.names())
-    asked = {"element": options.element, "integrator": options.integrator}
+    asked: dict[str, Any] = {"element": options.element, "integrator": options.integrator}
     asked |= {"dt": options.steps[0]} if options.steps else {}
     asked |= {"mesh": options.meshes[0][:1]} if options.meshes else {}
     pairs = agreement(options.quick, solvers, runner, **asked)

@@ -4,11 +4,14 @@ from fractions import Fraction
 from math import ceil, inf, lcm
 from typing import Any
 
-import anctmm as at
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import KINDS
-from anctmm.errors import AnctmmError, StepError
+from anctmm.errors import AnctmmError
+from anctmm.integrators.stability import largest_step
+from anctmm.integrators.starting import started
 from anctmm.model.case import Case
 from anctmm.model.scene import Beam, Scene
+from anctmm.solve import system_of
 
 #: Elements of each beam in the scene's order, or one number for all.
 Mesh = tuple[int, ...]
@@ -18,8 +21,6 @@ COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
 MOST_PARTS = 64
 #: Steps of the coarsest run at least.
 FEWEST_STEPS = 50
-#: Halvings of a step in search of a stable one, then of the interval that it lies in, to a per cent.
-MOST_HALVINGS, BISECTIONS = 60, 6
 
 
 class StudyError(AnctmmError, ValueError):
@@ -79,22 +80,7 @@ def step_below(case: Case, limit: float) -> float:
     return case.interval / ceil(case.interval / limit * (1.0 - 1e-9))
 
 
-def stable_step(scene: Scene, mesh: Any, longest: float, **options: Any) -> float:
-    """Largest explicit step of ANC–TMM that it does not refuse, s, to a per cent; AnctmmError without such runs."""
-
-    def is_stable(dt: float) -> bool:
-        try:
-            at.solve(scene, mesh=mesh, integrator="zhai", dt=dt, t_end=dt, output_dt=dt, **options)
-        except StepError:
-            return False
-        return True
-
-    if is_stable(longest):
-        return inf
-    halves = (longest / 2.0**k for k in range(1, MOST_HALVINGS))
-    below = next(filter(is_stable, halves), longest / 2.0**MOST_HALVINGS)
-    above = 2.0 * below
-    for _ in range(BISECTIONS):
-        middle = (above * below) ** 0.5
-        above, below = (above, middle) if is_stable(middle) else (middle, below)
-    return below
+def stable_step(scene: Scene, mesh: Any, **options: Any) -> float:
+    """Largest stable explicit step of ANC–TMM about the undeformed scene, s; infinite where nothing vibrates."""
+    system = system_of(scene, Discretisation(mesh, integrator="zhai", dt=1.0, t_end=1.0, **options))
+    return largest_step(system, started(system).q)

@@ -25,8 +25,8 @@ from studies.engine.trials import EXPLICIT, IMPLICIT, STATIC, Trial, explicit_li
 
 #: What is refined: axes of the levels.
 MESH, STEP = 0, 1
-#: Elements times steps of a run at most, some ten seconds; steps of a motion that an equilibrium counts as.
-MOST_WORK, STATIC_STEPS = 4e6, 100.0
+#: Elements times steps of a run at most, some ten seconds.
+MOST_WORK = 4e6
 #: Statuses that neither a finer mesh nor a shorter step changes.
 FINAL = ("unsupported", "interrupted", "unstable", "singular", "imprecise")
 #: Order in time of each integrator.
@@ -132,7 +132,7 @@ class Refinement:
             if finer == (found.i, found.j):
                 reason = "only the given mesh and step may be used"
                 break
-            if self._work(self.trial(*finer)) > self.most_work:
+            if self.trial(*finer).work > self.most_work:
                 reason = f"a run of more than {self.most_work:.2g} elements times steps would be needed"
                 break
             found = self._at(*finer, target)
@@ -146,10 +146,6 @@ class Refinement:
         """Relative difference of two runs at the case's probes; infinite where one is not complete."""
         found = difference(one, other, self.case.probes)
         return found if isfinite(found) else inf
-
-    def _work(self, trial: Trial) -> float:
-        """Elements times steps of a run, or what an equilibrium counts as."""
-        return trial.elements * STATIC_STEPS if self.case.static else trial.work
 
     def _is_final(self, status: Status) -> bool:
         """Whether neither a finer mesh nor a shorter step changes how a run ends."""

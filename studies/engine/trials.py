@@ -22,6 +22,8 @@ from studies.engine.timing import settled, undisturbed
 #: The solver whose runs choose meshes and steps; integrators of equilibria, and of explicit and implicit steps.
 OURS = "anctmm"
 STATIC, EXPLICIT, IMPLICIT = "static", "zhai", "generalized-alpha"
+#: Steps of a motion that an equilibrium counts as.
+STATIC_STEPS = 100.0
 #: Part of the largest stable step that explicit runs take: deformation raises the highest frequency.
 MARGIN = 0.8
 #: Elements of a scene without beams in tables.
@@ -79,7 +81,7 @@ class Trial:
     @property
     def work(self) -> float:
         """A rough measure of how long it takes: elements times steps (or outputs, where a tolerance controls steps)."""
-        return self.elements * (max(self.t_end / self._step, 1.0) if self.t_end else 1.0)
+        return self.elements * (max(self.t_end / self._step, 1.0) if self.t_end else STATIC_STEPS)
 
     @property
     def elements(self) -> int:
@@ -91,11 +93,6 @@ class Trial:
         """The run in a few words."""
         mesh = f" {self.cut} {self.used}" if self.scene.beams else ""
         return f"{self.solver} {self.integrator}{mesh}" + (f" dt={self.dt:.4g}" if self.dt > 0.0 else "")
-
-    @property
-    def own(self) -> Given:
-        """Options that only this solver has."""
-        return tuple((name, value) for name, value in self.options if name not in SHARED)
 
     @property
     def _step(self) -> float:
@@ -118,7 +115,8 @@ class Trial:
     def solve(self, solver: Solver) -> Solution:
         """Run it with a solver."""
         if self.integrator != STATIC:
-            solution = solver(self.scene, self.run(), **dict(self.own))
+            own = {name: value for name, value in self.options if name not in SHARED}
+            solution = solver(self.scene, self.run(), **own)
         else:
             solution = static_of(self.solver, solver)(
                 self.scene, mesh=self.by_beam, element=self.element, quadrature=self.quadrature, **dict(self.options)
@@ -129,16 +127,9 @@ class Trial:
 
     def warm_up(self, solver: Solver) -> None:
         """Compile and load what the run needs, by two steps (or the statics)."""
-        step = self._step
+        step, names = self._step, tuple(name for name, _ in self.options)
         short = self if self.integrator == STATIC else replace(self, t_end=2 * step, output_dt=step)
-        kind: tuple[Any, ...] = (
-            self.solver,
-            self.scene.name,
-            str(self.element),
-            self.quadrature,
-            self.integrator,
-        )
-        kind += self.own, self.error_controlled
+        kind = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator, names
         if kind not in _warm:
             short.solve(solver)
             _warm.add(kind)
@@ -153,12 +144,12 @@ def offer_of(solver: str) -> Offer:
 
 
 def explicit_limit(trial: Trial) -> float:
-    """A safe explicit step on the mesh of a run, s; infinite where nothing vibrates, or the solver must answer."""
-    options = {"element": trial.element, "quadrature": trial.quadrature}
+    """A safe explicit step on the mesh of a run, s; infinite where none is too long, or the solver must answer."""
     try:
-        return MARGIN * stable_step(trial.scene, trial.by_beam, trial.output_dt, **options)
+        limit = stable_step(trial.scene, trial.by_beam, element=trial.element, quadrature=trial.quadrature)
     except AnctmmError:
         return inf
+    return MARGIN * limit if limit < trial.output_dt else inf
 
 
 def solved(trial: Trial, resolve: Callable[[str], Solver] = registry.solver) -> Solution:

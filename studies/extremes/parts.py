@@ -30,9 +30,9 @@ LONGER = {False: (1, 10, 100), True: (1, 10)}
 #: Names of tables with their titles and notes.
 STABLE = (
     "stable_step", "Explicit steps near the stability limit",
-    "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene, by the solver's own refusal, "
-    "to a per cent. factor: the step over it, before it divides the interval of output. error: largest difference to "
-    "the refined run, of the largest displacement. balance: largest energy error over the largest kinetic energy.",
+    "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene. factor: the step over it, before it divides "
+    "the interval of output. error: largest difference to the refined run, of the largest displacement. balance: "
+    "largest energy error over the largest kinetic energy.",
 )  # fmt: skip
 MANY = (
     "many_elements", "Many elements",

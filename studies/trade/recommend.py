@@ -43,10 +43,10 @@ class RecommendError(AnctmmError, ValueError):
 class Measured:
     """Settings of a trade, reference histories and references, and their origin."""
 
+    origin: str
     points: pd.DataFrame
     histories: pd.DataFrame
     references: pd.DataFrame
-    origin: str
 
     def is_of(self, case: Case) -> bool:
         """Whether it was measured with this scene, these probes and these times."""
@@ -104,14 +104,14 @@ def read(folder: Path) -> Measured:
             raise RecommendError(
                 f"table {path} has no column {needed!r}; one of `anctmm study trade` is needed"
             )
-    return Measured(*frames, "the table that ships with anctmm" if folder == KEPT else str(folder))
+    return Measured("the table that ships with anctmm" if folder == KEPT else str(folder), *frames)
 
 
 def of_result(result: Result) -> Measured:
     """The tables of a trade that was measured just now; RecommendError if all of its runs are refused or fail."""
     if not result.good:
         raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    return Measured(*(result.table(name).frame for name in NEEDED), "measured now")
+    return Measured("measured now", *(result.table(name).frame for name in NEEDED))
 
 
 def check_case(measured: Measured, case: Case) -> None:

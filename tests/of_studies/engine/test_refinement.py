@@ -68,8 +68,7 @@ def test_the_stable_step_is_that_of_a_known_oscillator():
     mass = at.PointMass("m", 2.0, (1.0, 0.0))
     spring = at.Spring("m.center", (0.0, 0.0), stiffness=800.0)
     scene = at.Scene("oscillator", [mass], [at.Slider("m.center", direction=(1, 0))], connectors=[spring])
-    assert stable_step(scene, 1, 1.0) == pytest.approx(2.0 / 20.0, rel=0.02)
-    assert stable_step(scene, 1, 0.01) == float("inf")
+    assert stable_step(scene, 1) == pytest.approx(2.0 / 20.0)
 
 
 def masses_on(**connector):
@@ -98,7 +97,7 @@ def test_explicit_steps_that_are_chosen_are_stable(case):
     """Springs, dampers and damping of materials shorten them, and are all there is where nothing bends."""
     first = Refinement(case, Runner(), integrator="zhai").trial(0, 0)
     assert at.solve(first.scene, first.run()).status.ok
-    limit = stable_step(case.scene, first.by_beam, 1.0)
+    limit = stable_step(case.scene, first.by_beam)
     too_long = at.Discretisation(mesh=first.by_beam, integrator="zhai", dt=1.3 * limit, t_end=1.3 * limit)
     with pytest.raises(StabilityError):
         at.solve(case.scene, too_long)
