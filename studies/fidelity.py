@@ -35,18 +35,16 @@ MOST_WORK = {False: 4e6, True: 3e5}
 #: Beams, or groups of equal beams, that are chosen one by one, at most.
 MOST_UNITS = 8
 PHYSICS = (
-    "Each kind of element is on a mesh, and moves by an implicit step, that were refined until their part of the error "
-    f"is below {SHARE:g} of the smallest target error; explicit steps are a safe part of the choice's own stability "
-    "limit.",
+    "Each kind of element has a mesh and an implicit step of its own, whose part of the error is below "
+    f"{SHARE:g} of the smallest target error; explicit steps are a safe part of the choice's own stability limit.",
     "A rigid beam is a thin bar: no rotary inertia of its section, as the cable.",
 )
-NOTES = {
-    "cheapest": "target: for model, mesh and step together; a choice counts if its error and the uncertainty of the "
-    "detailed model together are below it. gain: CPU time of the detailed model over that of the choice.",
-    "beams": "model: kinds of the run, all other beams as detailed as they can be (welds do not join shear elements to "
-    "cables). enough_for: the smallest target error that it meets.",
-    "choices": "error: difference to the detailed model at the probes; it holds all: model, mesh and step.",
-}
+CHEAPEST = (
+    "target: for model, mesh and step together; a choice counts if its error and the uncertainty of the detailed model "
+    "together are below it. gain: CPU time of the detailed model over that of the choice."
+)
+ALONE = "All other beams are as detailed as they can be. enough_for: the smallest target error that it meets."
+EVERY = "error: difference to the detailed model at the probes; it holds all: model, mesh and step."
 
 #: A kind for each beam, in the scene's order.
 Kinds = tuple[str, ...]
@@ -68,11 +66,10 @@ def run(options: Options, runner: Runner) -> Result:
     ok = rows[rows["status"] == "ok"]
     worst = ok.groupby("element")["error"].max().to_dict()
     known = {pair: worst.get("/".join(choices.alone(*pair)), nan) for pair in choices.pairs}
-    more = [k for k in choices.best(known, targets) if "/".join(k) not in set(rows["element"])]
-    if more:
+    if more := [k for k in choices.best(known, targets) if "/".join(k) not in set(rows["element"])]:
         rows = pd.concat([rows, _rows(case, choices, refined, runner, more)], ignore_index=True)
     rows["gain"] = rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"]
-    alone = pd.DataFrame(_simplified(case, rows, choices, targets))
+    alone = pd.DataFrame(_simplified(rows, choices, targets))
     cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
     model, sentence = _finding(rows, cheapest)
     question = f"{case.name}: which beams may be modelled more simply?"
@@ -80,9 +77,9 @@ def run(options: Options, runner: Runner) -> Result:
         name="fidelity", title="Fidelity", question="Which beam must be modelled how finely, and what is saved?",
         findings=(sentence,), assumptions=(*PHYSICS, *assumptions_of(case), *_remarks(case, refined)),
         tables=(
-            Table("cheapest", "The cheapest model under a target error", cheapest, (NOTES["cheapest"],)),
-            Table("beams", "One beam simplified at a time", alone, (NOTES["beams"],)),
-            Table("choices", "Every choice of kinds", rows, (NOTES["choices"], BUILD)),
+            Table("cheapest", "The cheapest model under a target error", cheapest, (CHEAPEST,)),
+            Table("beams", "One beam simplified at a time", alone, (ALONE,)),
+            Table("choices", "Every choice of kinds", rows, (EVERY, BUILD)),
         ),
         pictures=(_picture(case.name, rows),) if (rows["error"] > 0.0).any() else (),
         answers=(Answer(question, model, sentence),), shown=("cheapest", "beams"),
@@ -165,8 +162,8 @@ def _rows(
     Each kind is on the mesh and moves by the step that its own refinement found.
     """
     reference, runner.heading = refined[choices.kinds[0]], f"{case.name}, choices: "
-    most = MOST_WORK[runner.quick]
-    planned = [(k, trial) for k in every for trial in _trials(case, choices, refined, k, most)]
+    planned = [(kinds, trial) for kinds in every for trial in _trials(case, choices, refined, kinds)]
+    planned = [(k, t) for k, t in planned if t.integrator != EXPLICIT or t.work <= MOST_WORK[runner.quick]]
     solutions = runner.solve_many(trial for _, trial in planned)
     rows = pd.DataFrame([
         {
@@ -178,15 +175,13 @@ def _rows(
         for (kinds, trial), solution in zip(planned, solutions, strict=True)
     ])  # fmt: skip
     good = [k for k, solution in enumerate(solutions) if solution.status.ok]
-    costs = [least(samples) for samples in runner.time_in_turn([planned[k][1] for k in good])] if good else []
-    rows.loc[good, ["cpu_s", "build_s"]] = [[cost["cpu_s"], cost["build_s"]] for cost in costs]
+    costs = map(least, runner.time_in_turn([planned[k][1] for k in good]))
+    rows.update(pd.DataFrame(list(costs), index=good))
     return rows
 
 
-def _trials(
-    case: Case, choices: Choices, refined: Mapping[str, Refined], kinds: Kinds, most_work: float
-) -> Iterator[Trial]:
-    """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
+def _trials(case: Case, choices: Choices, refined: Mapping[str, Refined], kinds: Kinds) -> Iterator[Trial]:
+    """An implicit run (an equilibrium), and an explicit one of a motion."""
     mesh = tuple(refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
     element = FrozenMapping(zip(choices.names, kinds, strict=True))
     reached = {found.trial.dt for kind, found in refined.items() if kind in kinds and found.reached}
@@ -195,8 +190,7 @@ def _trials(
     yield implicit
     if not case.static:
         dt = step_below(case, min(explicit_limit(implicit), 1e-3 * case.duration))
-        explicit = replace(implicit, integrator=EXPLICIT, dt=dt)
-        yield from (explicit,) if explicit.work <= most_work else ()
+        yield replace(implicit, integrator=EXPLICIT, dt=dt)
 
 
 def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
@@ -213,31 +207,24 @@ def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
         )
 
 
-def _simplified(
-    case: Case, rows: pd.DataFrame, choices: Choices, targets: Sequence[float]
-) -> Iterator[dict[str, Any]]:
-    """Error and gain of each beam simplified alone, or why it cannot be."""
+def _simplified(rows: pd.DataFrame, choices: Choices, targets: Sequence[float]) -> Iterator[dict[str, Any]]:
+    """Error and gain of each beam simplified alone; those that fail have no time, and are the last."""
     for unit, kind in choices.pairs:
-        about = {"scene": case.name, "beam": choices.label(unit), "kind": kind}
-        runs = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s")
-        best = runs.iloc[0]  # those that fail have no time, and are the last
-        if best["status"] != "ok":
-            yield {**about, "status": best["status"]}
-            continue
-        enough = min((t for t in targets if best["error"] + best["reference_error"] <= t), default=nan)
-        found = {name: best[name] for name in ("model", "error", "reference_error", "gain")}
-        yield {**about, **found, "enough_for": enough, "status": "ok"}
+        best = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s").iloc[0]
+        bound = best["error"] + best["reference_error"]
+        yield {
+            "scene": best["scene"], "beam": choices.label(unit), "kind": kind,
+            **best[["model", "error", "reference_error", "gain"]],
+            "enough_for": min((t for t in targets if bound <= t), default=nan), "status": best["status"],
+        }  # fmt: skip
 
 
 def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
     """The cheapest choice whose error, with the uncertainty of the detailed model, is below a target."""
     able = rows[(rows["error"] + rows["reference_error"] <= target) & (rows["cpu_s"] > 0.0)]
-    about = {"scene": rows["scene"].iloc[0], "target": target}
-    if able.empty:
-        return {**about, "status": "no choice is sure to meet it"}
-    best = able.sort_values("cpu_s").iloc[0]
-    names = ("model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status")
-    return {**about, **{name: best[name] for name in names}}
+    about = {"scene": rows["scene"].iloc[0], "target": target, "status": "no choice is sure to meet it"}
+    found = ["model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status"]
+    return about | (able.sort_values("cpu_s")[found].iloc[0].to_dict() if len(able) else {})
 
 
 def _finding(rows: pd.DataFrame, cheapest: pd.DataFrame) -> tuple[str, str]:
@@ -265,7 +252,7 @@ def _picture(scene: str, rows: pd.DataFrame) -> Picture:
         log_axes(figure, [axes], [("CPU time of the steps (s)", "error of the model")])
 
     caption = (
-        f"{scene}: error of each choice of kinds against its CPU time; every marker is a model of all beams."
+        f"{scene}: error of each choice of kinds against its CPU time; a marker is a model of all beams."
     )
     return picture(f"fidelity_{file_name(scene)}", caption, draw, (6.8, 3.8))
 

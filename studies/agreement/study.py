@@ -28,11 +28,10 @@ QUICK = {**MESHES, "cable": ((8,), (2, 8, 2)), "shear": ((32,), (4, 16, 4))}
 #: Step, s, by whether the run is quick; and of a solver that has explicit steps only.
 STEP, EXPLICIT_STEP = {False: 2e-3, True: 5e-3}, 5e-6
 NOTES = (
-    "Largest distance of the probes' histories over all times, relative to the largest displacement; the largest over "
-    "the base scenes and elements that both solvers have. Empty: none, or a run that did not end well.",
-    "The same element, mesh and step in both. Solvers with elements of their own run on the mesh of shear elements: "
-    "their figure is the difference of two models, or of two discretisations.",
-    f"A solver without implicit steps takes explicit ones of {EXPLICIT_STEP:g} s, and is left out of a quick run.",
+    "Largest distance of the probes' histories over all times, relative to the largest displacement, at the same "
+    "element, mesh and step. Empty: no common element, or a run that did not end well.",
+    "Solvers with elements of their own run on the mesh of shear elements: their figure is the difference of two "
+    f"models or discretisations. A solver without implicit steps takes explicit ones of {EXPLICIT_STEP:g} s.",
 )
 
 
@@ -41,15 +40,8 @@ def agreement(
 ) -> pd.DataFrame:
     """A row for each scene, each pair of solvers and each element that both have.
 
-    A solver takes part where it declares the features of the scene and the element.
-
-    Parameters
-    ----------
-    quick : bool
-    solvers : sequence of str, optional
-    runner : Runner, optional
-    **asked
-        element, integrator, dt (s) or mesh (elements of each beam) in the place of the study's own.
+    A solver takes part where it declares the features of the scene and the element. `asked` may have element,
+    integrator, dt (s) and mesh (elements of each beam) in the place of the study's own.
     """
     if asked.get("element") is not None:
         one_of("--element", asked["element"], flexible())

@@ -21,10 +21,8 @@ def atomic_write(path: Path, content: str | bytes) -> None:
         part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise OutputError(
-            f"file {str(path)!r} cannot be written ({error.strerror or error}); a directory that can be written "
-            f"and has room for {len(data)} bytes is needed"
-        ) from error
+        why = f"{error.strerror or error}; room for {len(data)} bytes is needed"
+        raise OutputError(f"file {str(path)!r} cannot be written ({why})") from error
 
 
 def file_name(text: str) -> str:
@@ -39,10 +37,8 @@ def check_writable(directory: Path, option: str = "--out") -> None:
         directory.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=directory).close()
     except OSError as error:
-        raise OutputError(
-            f"{option} is {str(directory)!r}, which cannot be written ({error.strerror or error}); a directory that "
-            f"can be written is needed"
-        ) from error
+        why = f"{error.strerror or error}; another directory is needed"
+        raise OutputError(f"{option} is {str(directory)!r}, which cannot be written ({why})") from error
 
 
 def store_directory() -> Path | None:

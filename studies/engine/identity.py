@@ -62,7 +62,7 @@ def _parts(value: Any) -> Iterator[Any]:
         case partial() | MethodType() | CodeType() | staticmethod() | classmethod() | property():
             yield from (getattr(value, name) for name in MADE_OF[type(value)])
         case ModuleType():
-            yield from (value.__name__, _digest_of(value))
+            yield from (value.__name__, _digest(value.__name__))
         case type():
             yield from _of_class(value)
         case _:
@@ -99,16 +99,12 @@ def _names(code: CodeType) -> set[str]:
 
 def _is_known(name: str) -> bool:
     """Whether code of a module is of this project or installed."""
-    if name.partition(".")[0] in (*PACKAGES, "builtins"):
-        return True
-    module = sys.modules.get(name)
-    return module is not None and name != "__main__" and not _digest_of(module)
+    loaded = name in sys.modules and name != "__main__"
+    return name.partition(".")[0] in (*PACKAGES, "builtins") or (loaded and not _digest(name))
 
 
-def _digest_of(module: ModuleType) -> str:
+def _digest(name: str) -> str:
     """Digest of the file of a user's module; nothing for one that is installed, built in or of this project."""
-    path = Path(getattr(module, "__file__", None) or "").resolve()
-    known = module.__name__.partition(".")[0] in PACKAGES or any(
-        path.is_relative_to(place) for place in INSTALLED
-    )
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "").resolve()
+    known = name.partition(".")[0] in PACKAGES or any(path.is_relative_to(place) for place in INSTALLED)
     return "" if known or not path.is_file() else hashlib.sha256(path.read_bytes()).hexdigest()

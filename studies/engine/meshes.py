@@ -38,11 +38,8 @@ def by_beam(scene: Scene, mesh: Mesh) -> int | dict[str, int]:
     if len(mesh) == 1:
         return mesh[0]
     if len(mesh) != len(names):
-        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
-        raise StudyError(
-            f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {allowed} numbers, "
-            f"for {'/'.join(names)}"
-        )
+        needed = f"{' or '.join(dict.fromkeys(('1', str(len(names)))))} numbers, for {'/'.join(names)}"
+        raise StudyError(f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {needed}")
     return dict(zip(names, mesh, strict=True))
 
 

@@ -1,8 +1,9 @@
 """Runs of trials: joblib stores each when it is done, and does them in other processes where workers are given."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from anctmm.solvers.registry import Solver
 from studies.engine import provenance
 from studies.engine.identity import identity
 from studies.engine.timing import in_turn, settled
-from studies.engine.trials import Trial, guarded, solved
+from studies.engine.trials import Trial, solved
 
 #: Packages whose code computes a run.
 COMPUTING = ("anctmm", "reference")
@@ -48,9 +49,8 @@ class Runner:
 
     def __post_init__(self) -> None:
         if self.workers > 1 and self.cluster:
-            raise SweepError(
-                f"--workers is {self.workers} beside --cluster {self.cluster!r}; one of them is allowed"
-            )
+            both = f"--workers is {self.workers} beside --cluster {self.cluster!r}"
+            raise SweepError(f"{both}; one of them is allowed")
         self._origins = dict(registry.origins())
         self._remembered = joblib.Memory(self.store, verbose=0).cache(remembered, ignore=["compute"])
 
@@ -67,9 +67,9 @@ class Runner:
         found: dict[str | int, Solution] = {}
         for key, solution in zip(missing, self._computed([first[key] for key in missing]), strict=True):
             found[key] = solution
-            self._stored(key, lambda known=solution: known)  # type: ignore[misc]
+            self._stored(key, partial(replace, solution))
         for key in first.keys() - found.keys():  # joblib computes that of a damaged file anew
-            found[key] = self._stored(key, lambda trial=first[key]: solved(trial, self.resolve))  # type: ignore[misc]
+            found[key] = self._stored(key, partial(solved, first[key], self.resolve))
         return [replace(found[key], scene=trial.scene) for key, trial in zip(keys, trials, strict=True)]
 
     def key(self, trial: Trial) -> str:
@@ -93,18 +93,16 @@ class Runner:
     def _timed(self, trials: Sequence[Trial]) -> list[list[Cost]]:
         rounds, done = ROUNDS[self.quick], 0
 
-        def sample(trial: Trial, solver: Solver) -> Cost:
+        def sample(trial: Trial) -> Cost:
             nonlocal done
             done += 1
             self.show(f"{self.heading}times in turn: {trial.label}", done, rounds * len(trials))
-            return settled(lambda: guarded(trial, lambda: trial.solve(solver)).cost)
+            solver = self.resolve(trial.solver)
+            return settled(lambda: trial.solve(solver).cost)
 
-        pairs = [(trial, self.resolve(trial.solver)) for trial in trials]
-        for trial, solver in pairs:
-            with suppress(AnctmmError):
-                trial.warm_up(solver)
-        calls = {k: lambda pair=pair: sample(*pair) for k, pair in enumerate(pairs)}  # type: ignore[misc]
-        return list(in_turn(calls, rounds).values())
+        for trial in trials:
+            trial.warm_up(self.resolve(trial.solver))
+        return list(in_turn({k: partial(sample, trial) for k, trial in enumerate(trials)}, rounds).values())
 
     def _stored(self, key: str | int, compute: Callable[[], Any]) -> Any:
         """What is stored, or else is computed and then stored; without an identity it is computed."""

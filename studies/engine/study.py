@@ -98,9 +98,9 @@ def check_taken(options: Options, study: str) -> None:
     find(study)
     names = [case.name for case in options.cases or ()]
     if len({file_name(name) for name in names}) < len(names):
+        every = ", ".join(map(repr, names))
         raise StudyError(
-            f"scenes {', '.join(map(repr, names))} would have files of one name; names that differ in letters, digits "
-            f"or _ . + - are needed"
+            f"scenes {every} would have files of one name; names of other letters or digits are needed"
         )
     for name, typed in TYPED.items():
         if name not in TAKEN[study] and getattr(options, name) is not None:

@@ -18,10 +18,7 @@ from rich.text import Text
 from studies.engine import provenance
 from studies.engine.files import atomic_write
 
-BUILD = (
-    "build_s: CPU time of a call beside its steps: building the system before them, the answer and its checks after "
-    "them; whole_s: steps and that. Compilation is excluded."
-)
+BUILD = "build_s: CPU time of a call beside its steps; whole_s: steps and that. Compilation is excluded."
 #: Longer tables are for programs: in their CSV file only.
 MOST_ROWS = 500
 #: Columns that only files have; and those that a setting in words, in the same table, already has.

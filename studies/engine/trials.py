@@ -157,21 +157,11 @@ def solved(trial: Trial, resolve: Callable[[str], Solver] = registry.solver) -> 
 
     Whatever fails is a solution with that status.
     """
-
-    def solve() -> Solution:
-        solver = resolve(trial.solver)
-        with undisturbed():
+    try:
+        with contained(), undisturbed():
+            solver = resolve(trial.solver)
             trial.warm_up(solver)
             return settled(lambda: trial.solve(solver))
-
-    return guarded(trial, solve)
-
-
-def guarded(trial: Trial, solve: Callable[[], Solution]) -> Solution:
-    """Answer of `solve`; whatever it raises becomes a solution with that status."""
-    try:
-        with contained():
-            return solve()
     except AnctmmError as error:
         code = "unsupported" if isinstance(error, UnsupportedError) else "refused"
         status = Status(code, " ".join(str(error).split()))

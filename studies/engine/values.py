@@ -27,10 +27,7 @@ ROUNDING = ROUNDINGS * EPS
 #: Digits that are written at most.
 MOST_DIGITS = 12
 AT_OUTPUTS = "at the outputs"
-OUTPUTS_NOTE = (
-    f"{AT_OUTPUTS}: between two of them it may be larger, by more than the uncertainty; a smaller output_dt of the "
-    "case shows it."
-)
+OUTPUTS_NOTE = f"{AT_OUTPUTS}: between them it may be larger; a smaller output_dt of the case shows it."
 
 
 @dataclass(frozen=True)

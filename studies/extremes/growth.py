@@ -29,8 +29,7 @@ GROWTH = (
     "growth", "How a disturbance grows",
     f"A push of {PUSH:.0%} of the motion moves the probes by some {DISTURBANCE:g} of the largest displacement. first, "
     "last: largest difference between 5 and 15 % of the motion, and in its last tenth. rate: of exponential growth "
-    f"between them; a steady drift grows by 7. comparable_until: when the difference exceeds {SAME:g}; the end of "
-    "the motion where it never does. uncertainty: rounding at most, as much larger as the push became.",
+    f"between them. comparable_until: when the difference exceeds {SAME:g}. uncertainty: rounding at most.",
 )  # fmt: skip
 
 

@@ -30,36 +30,33 @@ LONGER = {False: (1, 10, 100), True: (1, 10)}
 #: Names of tables with their titles and notes.
 STABLE = (
     "stable_step", "Explicit steps near the stability limit",
-    "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene. factor: the step over it, before it divides "
-    "the interval of output. error: largest difference to the refined run, of the largest displacement. balance: "
-    "largest energy error over the largest kinetic energy.",
+    "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene. factor: the step over it. error: largest "
+    "difference to the refined run, of the largest displacement. balance: largest energy error over the largest "
+    "kinetic energy.",
 )  # fmt: skip
 MANY = (
     "many_elements", "Many elements",
-    f"The first {STEPS} steps of the refined run (an equilibrium whole). to_coarser: largest "
-    f"difference to the mesh before. to_peer: to another solver on the same mesh, up to {MOST_OF_PEER} elements: "
-    "rounding of both. uncertainty: Newton's tolerance, and rounding of coordinates.",
+    f"The first {STEPS} steps of the refined run (an equilibrium whole). to_coarser: largest difference to the mesh "
+    f"before; to_peer: to another solver on the same mesh, up to {MOST_OF_PEER} elements. uncertainty: Newton's "
+    "tolerance, and rounding of coordinates.",
 )  # fmt: skip
 PLACES = (
     "places", "Far from the origin",
-    "lengths: distance from the origin in lengths of the scene. difference: largest at the probes to the "
-    "same run at its own place, over the largest displacement; predicted: at most, by rounding of each step, which the "
-    "motion makes larger as it does a disturbance.",
+    "lengths: distance from the origin in lengths of the scene. difference: to the same run at its own place, over the "
+    "largest displacement; predicted: at most, by rounding of each step, which grows as a disturbance does.",
 )  # fmt: skip
 STIFFNESS = (
     "stiffness", "Stiffer and stiffer",
-    "factor: of Young's modulus of all beams, on the refined mesh and by the refined step. difference: to "
-    "rigid bars at the probes, over the largest displacement of the case; it must fall until only the errors of mesh "
-    "and step (uncertainty) are left.",
+    "factor: of Young's modulus of all beams. difference: to rigid bars, over the largest displacement of the case; it "
+    "must fall until only the errors of mesh and step (uncertainty) are left.",
 )  # fmt: skip
 LOADED = (
     "loads", "Larger and larger loads",
-    "factor: of all loads and of gravity, on the refined mesh and by the refined step; drives stay. largest: "
-    "displacement of the probes, m.",
+    "factor: of all loads and of gravity; drives stay. largest: displacement of the probes, m.",
 )  # fmt: skip
 TIME = (
     "time", "Longer and longer motions",
-    "factor: of the duration, by the refined step. balance: largest energy error over the largest kinetic energy.",
+    "factor: of the duration. balance: largest energy error over the largest kinetic energy.",
 )  # fmt: skip
 
 

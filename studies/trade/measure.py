@@ -16,8 +16,8 @@ from studies.engine.runner import Runner
 from studies.engine.study import StudyError
 from studies.engine.tables import records
 from studies.engine.timing import least
-from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, SHARED, Trial
-from studies.trade.settings import Levels, choices_of, steps_of
+from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, SHARED, Trial, offer_of
+from studies.trade.settings import Levels, steps_of
 
 #: s of CPU time that a whole call of a sweep may take at most, and elements times steps, by whether it is quick.
 MOST_S, MOST_WORK = {False: 2.0, True: 1.0}, {False: 4e6, True: 4e5}
@@ -58,10 +58,8 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
                 fine[own] = _fine(levels, trial, runner)
             rows.append(_row(levels, setting, solution, fine.get(own)))
     if not rows:
-        raise StudyError(
-            f"each setting of case {levels.case.name!r} takes more than {most:g} elements times steps; a shorter "
-            f"motion, larger --error or --solvers and --integrator that take longer steps are needed"
-        )
+        too_long = f"each setting of case {levels.case.name!r} takes more than {most:g} elements times steps"
+        raise StudyError(f"{too_long}; a shorter motion, a larger --error or longer steps are needed")
     frame = _bounded(pd.DataFrame(rows))
     return frame, _outcomes(levels, settings, frame)
 
@@ -79,7 +77,7 @@ def _owner(trial: Trial) -> str:
 def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
     """A run by a fine step on a mesh: by the fourth-order steps of ANC–TMM, or else by second order of the solver."""
     solver, shortest = _owner(trial), min(levels.steps)
-    tight = {k: NEWTON if k == "newton_tolerance" else v for k, v in choices_of(solver)[0]}
+    tight = {k: NEWTON if k == "newton_tolerance" else v for k, v in offer_of(solver).choices[0].items()}
     fourth = replace(trial, solver=solver, integrator="esdirk", options=tuple(tight.items()), dt=shortest)
     second = replace(fourth, integrator=IMPLICIT, dt=shortest / FINER)
     explicit = replace(fourth, integrator=EXPLICIT, options=(), dt=nan)

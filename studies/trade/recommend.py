@@ -101,9 +101,7 @@ def read(folder: Path) -> Measured:
         except (OSError, ValueError, OverflowError) as error:
             raise RecommendError(f"table {path} cannot be read ({error})") from None
         if needed not in frames[-1]:
-            raise RecommendError(
-                f"table {path} has no column {needed!r}; one of `anctmm study trade` is needed"
-            )
+            raise RecommendError(f"table {path} has no column {needed!r}; one of `study trade` is needed")
     return Measured("the table that ships with anctmm" if folder == KEPT else str(folder), *frames)
 
 
@@ -117,10 +115,8 @@ def of_result(result: Result) -> Measured:
 def check_case(measured: Measured, case: Case) -> None:
     """Refuse tables of a case that was changed since."""
     if not measured.is_of(case):
-        raise RecommendError(
-            f"{measured.origin} was measured before scene {case.name!r}, its probes or its times were changed; "
-            f"`anctmm study trade` measures it anew"
-        )
+        before = f"was measured before scene {case.name!r}, its probes or its times were changed"
+        raise RecommendError(f"{measured.origin} {before}; `anctmm study trade` measures it anew")
 
 
 def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame:
@@ -151,8 +147,6 @@ def _shown(value: Any) -> str:
 
 def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) -> Choice:
     """The cheapest setting whose error bound meets a target, or the one with the smallest bound within a budget."""
-    if error is None and budget_s is None:
-        raise RecommendError("--error and --budget are both missing; at least one of them is needed")
     budget = inf if budget_s is None else budget_s
     mine = points.sort_values("cpu_s", kind="stable")
     affordable = mine[mine["cpu_s"] <= budget]

@@ -18,7 +18,7 @@ from studies.engine.meshes import Mesh, StudyError, step_below
 from studies.engine.refinement import Refined, Refinement, rests
 from studies.engine.runner import Runner
 from studies.engine.study import Options
-from studies.engine.trials import EXPLICIT, Given, Trial, explicit_limit, offer_of
+from studies.engine.trials import EXPLICIT, Trial, explicit_limit, offer_of
 
 Level = TypeVar("Level")
 #: Target errors; the smallest by default, by whether the run is quick.
@@ -82,10 +82,8 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
 def _check_moves(case: Case, found: Mapping[str, Refined]) -> None:
     complete = [run.solution for run in found.values() if run.solution.status.ok]
     if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
-        raise StudyError(
-            f"case {case.name!r} has probes {', '.join(map(place_name, case.probes))}, none of which moves; "
-            f"errors are those of displacements, and a place that moves is needed"
-        )
+        probes = ", ".join(map(place_name, case.probes))
+        raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
 
 
 def _few(at: Callable[[int], Level], last: int, quick: bool) -> tuple[Level, ...]:
@@ -102,14 +100,11 @@ def grid(levels: Levels, options: Options) -> pd.DataFrame:
     """
     late = dict(not_timed(levels.case, options))
     solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
-    every = [
-        family for pair in product(levels.meshes, solvers) for family in _families(levels, *pair, options)
-    ]
+    pairs = product(levels.meshes, solvers)
+    every = [family for pair in pairs for family in _families(levels, *pair, options)]
     if not every:
-        asked = " ".join(filter(None, (options.element, options.integrator)))
-        raise StudyError(
-            f"--element and --integrator ask for {asked}; no solver of {', '.join(solvers)} offers that"
-        )
+        asked = " ".join(filter(None, (options.element, options.integrator))) or "a run"
+        raise StudyError(f"{asked} is asked for; no solver of {', '.join(solvers)} offers that")
     rows = [
         {
             "trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j),
@@ -146,15 +141,11 @@ def _families(levels: Levels, element: str, solver: str, options: Options) -> It
         if integrator == EXPLICIT:
             yield plain, True
             continue
-        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(choices_of(solver)))
+        choices = (tuple(choice.items()) for choice in offer.choices)
+        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(choices))
         newton = ("newton_tolerance", NEWTON_TOLERANCES[-1])
         for tolerance in TOLERANCES[quick]:
             yield replace(plain, options=(("tolerance", tolerance), newton)), True
-
-
-def choices_of(solver: str) -> list[Given]:
-    """Options of each choice of a solver's implicit runs, the one with the tightest bounds first."""
-    return [tuple(choice.items()) for choice in offer_of(solver).choices]
 
 
 def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:

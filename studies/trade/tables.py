@@ -11,11 +11,11 @@ import pandas as pd
 from anctmm.model.case import Case
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
-from studies.engine.fronts import NEAR, cost_at, excess, reaching
+from studies.engine.fronts import NEAR, cost_at, front, reaching
 from studies.engine.identity import identity
 from studies.engine.refinement import Refined, difference
 from studies.engine.runner import Runner
-from studies.engine.tables import BUILD, Table, records
+from studies.engine.tables import Table, records
 from studies.engine.timing import SHORT
 from studies.engine.trials import NO_BEAMS, offer_of
 from studies.trade.settings import Levels
@@ -33,31 +33,26 @@ FOUND = [
 SAME = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
 RATIOS = ["ratio", "ratio_whole", "corrections_per_step", "ratio_per_correction"]
 BOUND = (
-    "error_bound: mesh_error + step_error + reference_error. A setting meets a target if this sum does, for every "
-    "solver: errors of mesh and step that cancel in part are chance, which another motion changes. mesh_error: of a "
-    "run by a fine step on the same mesh against the reference; step_error: against that run, and no smaller than by "
-    "the solver's tightest bound of Newton's iteration; reference_error: uncertainty of the reference. error: of the "
-    "run itself against the reference."
+    "error_bound: mesh_error + step_error + reference_error; a setting meets a target if this sum does, as errors that "
+    "cancel in part are chance. mesh_error: of a run by a fine step on the same mesh against the reference; "
+    "step_error: against that run, and no smaller than by the solver's tightest bound of Newton's iteration; "
+    "reference_error: uncertainty of the reference. error: of the run itself against the reference."
 )
 TIMES = (
-    f"cpu_s: of the steps; whole_s: of the whole call. Settings within {NEAR:g} times the front of their solver ran "
-    "again in turn on one core, and the least of these runs counts; of a run that takes less than "
-    f"{SHORT:g} s the second one in a row is timed. Of all others cpu_s is of one run."
+    f"cpu_s: of the steps; whole_s: of the whole call; within {NEAR:g} times the front of their solver the least of "
+    f"runs in turn on one core (below {SHORT:g} s of the second call in a row), else of one run."
 )
 EQUAL = (
-    "For each solver its cheapest setting that meets the target, by steps (cpu_s) and by the whole call (whole_s); "
-    "ratio, ratio_whole: over the cheapest of all solvers. ratio_at_error: of the steps at exactly the target, "
-    "interpolated on each solver's own front, whatever errors its meshes and steps happen to have.",
+    "The cheapest setting of each solver that meets the target, by steps (cpu_s) and whole call (whole_s); ratio, "
+    "ratio_whole: over the cheapest of all; ratio_at_error: on each solver's own front, at exactly the target.",
     "corrections_per_step: Newton's; ratio_per_correction: of the CPU time of a coordinate's correction. Solvers end "
     "their iteration by criteria of their own (Exudyn ignores newton_tolerance).",
 )
 SAME_NOTE = "Each by the tightest bounds of its iteration; ratios as at equal error, over the cheapest at that setting."
 REFERENCES = (
-    "uncertainty: of mesh and step, by Richardson's extrapolation over levels that are halved. check: another solver "
-    "at the same mesh and step; where it shares the elements it checks elimination and time stepping, and a solver "
-    "with elements of its own checks the forces, too.",
-    "from_cable: difference of the model to that of cables, which no mesh removes. case: identity of scene, probes and "
-    "times.",
+    "uncertainty: of mesh and step, by Richardson's extrapolation. check: another solver at the same mesh and step; "
+    "one that shares the elements checks elimination and time stepping, others check the forces, too.",
+    "from_cable: difference of the model to that of cables. case: identity of scene, probes and times.",
 )
 
 
@@ -151,19 +146,10 @@ def front_table(rows: pd.DataFrame) -> Table:
     """Settings on the front of their solver, element and way to step; excess is 1 on the front of all."""
     timed = rows[rows["in_turn"] & (rows["error_bound"] > 0.0)]
     kinds = [timed["solver"], timed["element"], stepping(timed)]
-    own = pd.concat([timed["excess"][:0], *(excess(mine) for _, mine in timed.groupby(kinds, sort=False))])
-    chosen = timed[own.reindex(timed.index) == 1.0].sort_values(["solver", "cpu_s"])
+    fronts = [front(own) for _, own in timed.groupby(kinds, sort=False)]
+    frame = pd.concat(fronts or [timed]).sort_values(["solver", "cpu_s"]).reset_index(drop=True)
     note = "excess: cost over that of the cheapest setting of no larger error bound: 1 on the front of all."
-    return Table("front", "Pareto fronts of all solvers", _public(chosen), (note, BOUND, TIMES), "files")
-
-
-def points_table(rows: pd.DataFrame) -> Table:
-    """All settings."""
-    return Table("points", "All settings", _public(rows), (BOUND, TIMES, BUILD), "study")
-
-
-def _public(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.drop(columns=["trial", "tightest", "kind"]).reset_index(drop=True)
+    return Table("front", "Pareto fronts of all solvers", frame, (note, BOUND, TIMES), "files")
 
 
 def references(levels: Levels, runner: Runner) -> Table:
