@@ -57,12 +57,11 @@ def run(options: Options, runner: Runner) -> Result:
     check_fits(options, case)
     meshes, steps = given_levels(case, options)
     target = options.error or (inf if meshes and steps else TARGETS[quick])
-    several = ("cable", "shear") if case.scene.beams and not quick else ("cable",)
+    usual = ("cable", "shear") if case.scene.beams and not quick else ("cable",)
+    elements = (options.element,) if options.element else usual
     runner.heading = f"{case.name}: "
     levels: dict[tuple[str, str], Refinement] = {}  # each solver with each element of its own once
-    for solver, element in product(
-        options.solvers or (OURS,), (options.element,) if options.element else several
-    ):
+    for solver, element in product(options.solvers or (OURS,), elements):
         setting: Any = {"solver": solver, "element": element, "integrator": options.integrator or IMPLICIT}
         one = Refinement(case, runner, meshes, steps, **setting)
         levels.setdefault((solver, one.plain.used), one)

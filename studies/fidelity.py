@@ -201,10 +201,10 @@ def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
     if "shear" not in refined:
         nu = max(beam.material.poisson for beam in case.scene.beams)
         factor = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-        yield (
-            f"{case.name}: with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} on any mesh "
-            f"(thickness locking), so that cables are the detailed model here."
+        locked = (
+            f"with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} (thickness locking)"
         )
+        yield f"{case.name}: {locked}, so that cables are the detailed model here."
 
 
 def _simplified(rows: pd.DataFrame, choices: Choices, targets: Sequence[float]) -> Iterator[dict[str, Any]]:
@@ -219,10 +219,14 @@ def _simplified(rows: pd.DataFrame, choices: Choices, targets: Sequence[float]) 
         }  # fmt: skip
 
 
-def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
+def _cheapest(rows: pd.DataFrame, target: float) -> dict[Any, Any]:
     """The cheapest choice whose error, with the uncertainty of the detailed model, is below a target."""
     able = rows[(rows["error"] + rows["reference_error"] <= target) & (rows["cpu_s"] > 0.0)]
-    about = {"scene": rows["scene"].iloc[0], "target": target, "status": "no choice is sure to meet it"}
+    about: dict[Any, Any] = {
+        "scene": rows["scene"].iloc[0],
+        "target": target,
+        "status": "no choice is sure to meet it",
+    }
     found = ["model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status"]
     return about | (able.sort_values("cpu_s")[found].iloc[0].to_dict() if len(able) else {})
 

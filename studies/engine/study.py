@@ -99,9 +99,7 @@ def check_taken(options: Options, study: str) -> None:
     names = [case.name for case in options.cases or ()]
     if len({file_name(name) for name in names}) < len(names):
         every = ", ".join(map(repr, names))
-        raise StudyError(
-            f"scenes {every} would have files of one name; names of other letters or digits are needed"
-        )
+        raise StudyError(f"scenes {every} would have files of one name; other letters or digits are needed")
     for name, typed in TYPED.items():
         if name not in TAKEN[study] and getattr(options, name) is not None:
             takers = ", ".join(other for other, taken in TAKEN.items() if name in taken)

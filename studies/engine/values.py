@@ -79,9 +79,7 @@ def at_probes(solution: Solution, case: Case) -> Iterator[Value]:
         with suppress(ResultError):  # not every solver gives angles
             angle = solution.angle(probe)
             if not isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
-                yield Value(
-                    name, f"angle {when}", "rad", float(angle[-1]), ROUNDING, float(np.abs(angle).max())
-                )
+                yield Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING, _size(angle))
 
 
 def at_joints(solution: Solution, case: Case) -> Iterator[Value]:

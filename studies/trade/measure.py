@@ -1,6 +1,6 @@
 """Rows of a trade: each setting run, its error with its parts, and times in turn near the front."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
 from typing import Any
@@ -132,21 +132,17 @@ def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.
     return pd.DataFrame(lines)
 
 
-def time_near(
-    rows: pd.DataFrame, runner: Runner, also: Iterable[int] = ()
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def time_near(rows: pd.DataFrame, runner: Runner, also: Sequence[int]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The rows with times in turn of those near the front of their solver (and of others), and all samples."""
     near = pd.concat([excess(mine) for _, mine in rows.groupby("solver", sort=False)]) <= NEAR
     chosen = sorted({*near.index[near], *also})
-    costs = runner.time_in_turn(list(rows.loc[chosen, "trial"])) if chosen else []
+    costs = runner.time_in_turn(list(rows.loc[chosen, "trial"]))
     rows = rows.assign(in_turn=rows.index.isin(chosen))
-    rows.update(pd.DataFrame([least(found) for found in costs], index=chosen))
+    rows.update(pd.DataFrame(list(map(least, costs)), index=chosen))
     rows["whole_s"] = rows["cpu_s"] + rows["build_s"].fillna(0.0)
     rows["excess"] = excess(rows[rows["in_turn"]]).reindex(rows.index)
-    samples = [
-        (k, cost.cpu_s, cost.build_s) for k, found in zip(chosen, costs, strict=True) for cost in found
-    ]
-    return rows, pd.DataFrame(samples, columns=["row", "cpu_s", "build_s"])
+    pairs = [(k, cost) for k, found in zip(chosen, costs, strict=True) for cost in found]
+    return rows, pd.DataFrame([{"row": k, "cpu_s": c.cpu_s, "build_s": c.build_s} for k, c in pairs])
 
 
 def like_with_like(rows: pd.DataFrame) -> Sequence[int]:
