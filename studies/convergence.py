@@ -1,6 +1,6 @@
 """How does an error fall with mesh and step, and how many digits of each value are correct?"""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise, product
 from math import inf, isfinite, nan
@@ -26,29 +26,31 @@ from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-5, True: 1e-3}
-#: Titles and notes of the tables.
-TABLES = {
+#: Tables by name: title, rows of a refined run, and notes.
+TABLES: dict[str, tuple[Any, ...]] = {
     "mesh": (
-        "Error over the mesh",
+        "Error over the mesh", lambda found: _levels(found, MESH),
         "error: difference to the finest mesh by the same step, plus the estimate of that mesh's own error. order: "
         "observed, of two differences of meshes that follow each other.",
     ),
-    "step": ("Error over the step", "error and order as over the mesh, of steps on the finest mesh."),
+    "step": (
+        "Error over the step", lambda found: _levels(found, STEP), "As over the mesh, of steps on the finest mesh.",
+    ),
     "values": (
-        "Values and their uncertainty",
+        "Values and their uncertainty", lambda found: rows_of(values_of(found)),
         "digits: the value to the first digit of its uncertainty, which is estimated from coarser meshes and steps.",
         OUTPUTS_NOTE,
     ),
     "forces": (
-        "Joint forces",
+        "Joint forces", lambda found: rows_of(values_of(found, at_joints), "joint"),
         "Of all output times the largest; of an equilibrium the last. A moment is that on the first place of a joint.",
     ),
     "exact": (
-        "Equilibria against exact solutions",
+        "Equilibria against exact solutions", lambda found: exact_rows(found),
         "Difference of the probes' displacements to the exact solution of the continuum that the element tends to, "
         "relative, beside its estimate.",
     ),
-}
+}  # fmt: skip
 
 
 def run(options: Options, runner: Runner) -> Result:
@@ -67,7 +69,7 @@ def run(options: Options, runner: Runner) -> Result:
         levels.setdefault((solver, one.plain.used), one)
     found = [one.refined(target) for one in levels.values()]
     frames = {name: pd.DataFrame([row for one in found for row in _rows(name, one)]) for name in TABLES}
-    tables = [Table(n, TABLES[n][0], f, TABLES[n][1:]) for n, f in frames.items() if n != "exact" or len(f)]
+    tables = [Table(n, TABLES[n][0], f, TABLES[n][2:]) for n, f in frames.items() if n != "exact" or len(f)]
     name, caption = f"configurations_{file_name(case.name)}", f"{case.name}: configurations and energies."
     drawn = [as_picture(name, caption, f.solution.plot()) for f in found if len(f.solution.t)]
     return Result(
@@ -109,11 +111,7 @@ def _rows(table: str, found: Refined) -> Iterator[dict[str, Any]]:
         "scene": trial.scene.name, "solver": trial.solver, "element": trial.used if trial.scene.beams else NO_BEAMS,
         "integrator": trial.integrator,
     }  # fmt: skip
-    made: dict[str, Callable[[], Iterable[dict[str, Any]]]] = {
-        "mesh": lambda: _levels(found, MESH), "step": lambda: _levels(found, STEP), "exact": lambda: exact_rows(found),
-        "values": lambda: rows_of(values_of(found)), "forces": lambda: rows_of(values_of(found, at_joints), "joint"),
-    }  # fmt: skip
-    yield from (about | row for row in made[table]())
+    yield from (about | row for row in TABLES[table][1](found))
 
 
 def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:

@@ -222,11 +222,8 @@ def _simplified(rows: pd.DataFrame, choices: Choices, targets: Sequence[float]) 
 def _cheapest(rows: pd.DataFrame, target: float) -> dict[Any, Any]:
     """The cheapest choice whose error, with the uncertainty of the detailed model, is below a target."""
     able = rows[(rows["error"] + rows["reference_error"] <= target) & (rows["cpu_s"] > 0.0)]
-    about: dict[Any, Any] = {
-        "scene": rows["scene"].iloc[0],
-        "target": target,
-        "status": "no choice is sure to meet it",
-    }
+    none = "no choice is sure to meet it"
+    about: dict[Any, Any] = {"scene": rows["scene"].iloc[0], "target": target, "status": none}
     found = ["model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status"]
     return about | (able.sort_values("cpu_s")[found].iloc[0].to_dict() if len(able) else {})
 
