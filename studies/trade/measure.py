@@ -24,8 +24,6 @@ MOST_S, MOST_WORK = {False: 2.0, True: 1.0}, {False: 4e6, True: 4e5}
 #: Steps of one setting over the shortest step of the sweep, of the runs that separate the errors of step and mesh.
 FINER = 4
 NEWTON = 1e-10
-#: Places in the list of common settings at which solvers are compared like with like.
-LIKE = (0.0, 0.5, 1.0)
 #: Kinds of outcome, by the code of a status; any other is a failure of the solver.
 OUTCOMES = {"unsupported": "not representable", "refused": "setting refused", "": "takes too long"}
 #: Columns that are the same in runs that differ by the bounds of their iteration only.
@@ -60,8 +58,11 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
     if not rows:
         too_long = f"each setting of case {levels.case.name!r} takes more than {most:g} elements times steps"
         raise StudyError(f"{too_long}; a shorter motion, a larger --error or longer steps are needed")
-    frame = _bounded(pd.DataFrame(rows))
-    return frame, _outcomes(levels, settings, frame)
+    frame = pd.DataFrame(rows)
+    same = list(frame[SETTING].astype(str).itertuples(index=False, name=None))
+    step = robust(frame["step_error"].astype(float), same, frame["tightest"].to_list())
+    bound = frame["mesh_error"] + step + frame["reference_error"]
+    return frame.assign(step_error=step, error_bound=bound), _outcomes(levels, settings, frame)
 
 
 def _family(trial: Trial) -> tuple[str, ...]:
@@ -110,13 +111,6 @@ def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine
     }  # fmt: skip
 
 
-def _bounded(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with robust errors of the step, and the bound of the error: the sum of its parts and of the reference's."""
-    settings = list(rows[SETTING].astype(str).itertuples(index=False, name=None))
-    step = robust(rows["step_error"].astype(float), settings, rows["tightest"].to_list())
-    return rows.assign(step_error=step, error_bound=rows["mesh_error"] + step + rows["reference_error"])
-
-
 def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """For each solver, element and way to step the kind of outcome: an answer, or why there is none."""
     lines = []
@@ -154,6 +148,6 @@ def like_with_like(rows: pd.DataFrame) -> Sequence[int]:
     shared = plain[plain.groupby(same)["solver"].transform("nunique") > 1]
     for _, own in shared.groupby(["element", "integrator"], sort=False):
         settings = own.drop_duplicates(same)[same]
-        chosen = settings.iloc[sorted({round(part * (len(settings) - 1)) for part in LIKE})]
+        chosen = settings.iloc[[0, len(settings) // 2, -1]].drop_duplicates()  # coarse, usual and fine
         found += own.reset_index().merge(chosen, on=same)["index"].tolist()
     return found

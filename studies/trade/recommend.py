@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.results.metrics import history_error, rounding_at, worst
 from anctmm.results.solution import Solution
@@ -21,7 +20,7 @@ from studies.engine.files import file_name
 from studies.engine.fronts import reaching
 from studies.engine.identity import identity
 from studies.engine.meshes import mesh_label
-from studies.engine.study import Options, Result
+from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import milliseconds, say, show_frame
 from studies.engine.trials import NO_BEAMS, SHARED, Trial
 from studies.trade.settings import same_continuum
@@ -33,10 +32,6 @@ KEPT = Path(__file__).parent / "kept"
 SAME = 1.01
 #: Tables that are read, and a column that only tables of their kind have.
 NEEDED = {"points": "error_bound", "histories": "u_x", "references": "case"}
-
-
-class RecommendError(AnctmmError, ValueError):
-    """A target error, a scene or a table cannot be used."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +85,7 @@ def find(case: Case) -> Measured | None:
 def read(folder: Path) -> Measured:
     """The tables that `anctmm study trade` left in a directory; of points all, or those of the fronts.
 
-    RecommendError if a table is missing, cannot be read, or is another one.
+    StudyError if a table is missing, cannot be read, or is another one.
     """
     frames: list[Any] = []
     for name, needed in NEEDED.items():
@@ -99,16 +94,16 @@ def read(folder: Path) -> Measured:
         try:
             frames.append(pd.read_csv(path, dtype={"elements": str, "own": str}))
         except (OSError, ValueError, OverflowError) as error:
-            raise RecommendError(f"table {path} cannot be read ({error})") from None
+            raise StudyError(f"table {path} cannot be read ({error})") from None
         if needed not in frames[-1]:
-            raise RecommendError(f"table {path} has no column {needed!r}; one of `study trade` is needed")
+            raise StudyError(f"table {path} has no column {needed!r}; one of `study trade` is needed")
     return Measured("the table that ships with anctmm" if folder == KEPT else str(folder), *frames)
 
 
 def of_result(result: Result) -> Measured:
-    """The tables of a trade that was measured just now; RecommendError if all of its runs are refused or fail."""
+    """The tables of a trade that was measured just now; StudyError if all of its runs are refused or fail."""
     if not result.good:
-        raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
+        raise StudyError(f"no setting has an error: {' '.join(result.findings)}")
     return Measured("measured now", *(result.table(name).frame for name in NEEDED))
 
 
@@ -116,15 +111,15 @@ def check_case(measured: Measured, case: Case) -> None:
     """Refuse tables of a case that was changed since."""
     if not measured.is_of(case):
         before = f"was measured before scene {case.name!r}, its probes or its times were changed"
-        raise RecommendError(f"{measured.origin} {before}; `anctmm study trade` measures it anew")
+        raise StudyError(f"{measured.origin} {before}; `anctmm study trade` measures it anew")
 
 
 def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame:
-    """Rows of a scene, and of some solvers, meshes, steps, an integrator and an element; RecommendError without any."""
+    """Rows of a scene, and of some solvers, meshes, steps, an integrator and an element; StudyError without any."""
     mine = points[(points["scene"] == scene) & (points["error_bound"] > 0) & (points["cpu_s"] > 0)]
     if mine.empty:
         names = ", ".join(points["scene"].unique())
-        raise RecommendError(f"scene {scene!r} has no setting with an error and a time; others have: {names}")
+        raise StudyError(f"scene {scene!r} has no setting with an error and a time; others have: {names}")
     wanted = {
         "--solvers": ("solver", options.solvers), "--elements": ("elements", options.meshes),
         "--dt": ("dt", options.steps), "--element": ("element", options.element and [options.element]),
@@ -134,7 +129,7 @@ def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame
         values, shown = [_shown(value) for value in given or ()], mine[column].map(_shown)
         if values and not shown.isin(values).any():
             allowed = ", ".join(shown.unique())
-            raise RecommendError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
+            raise StudyError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
         mine = mine[shown.isin(values)] if values else mine
     return mine
 

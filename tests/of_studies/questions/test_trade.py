@@ -155,7 +155,7 @@ def test_recommendations_are_found_where_the_study_writes_and_meet_their_target(
 def test_a_trade_of_a_changed_case_is_refused(result):
     measured = recommend.of_result(result)
     recommend.check_case(measured, CASE)
-    with pytest.raises(recommend.RecommendError, match="were changed"):
+    with pytest.raises(StudyError, match="were changed"):
         recommend.check_case(measured, replace(CASE, t_end=0.2))
 
 
@@ -169,13 +169,13 @@ def test_a_budget_and_a_target_out_of_reach():
     small = recommend.choose(mine, 1e-6, None)
     assert "does not reach" in small.remarks[0]
     assert "uncertainty of the reference" in small.remarks[1]
-    with pytest.raises(recommend.RecommendError, match="--solvers is 'c'"):
+    with pytest.raises(StudyError, match="--solvers is 'c'"):
         recommend.narrowed(points(), "s", Options(solvers=("c",)))
 
 
 def test_a_table_that_is_another_one_is_named(tmp_path):
-    with pytest.raises(recommend.RecommendError, match=r"front\.csv cannot be read"):
+    with pytest.raises(StudyError, match=r"front\.csv cannot be read"):
         recommend.read(tmp_path)
     (tmp_path / "front.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(recommend.RecommendError, match="has no column 'error_bound'"):
+    with pytest.raises(StudyError, match="has no column 'error_bound'"):
         recommend.read(tmp_path)
