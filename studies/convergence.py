@@ -1,7 +1,8 @@
 """How does an error fall with mesh and step, and how many digits of each value are correct?"""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from contextlib import suppress
+from itertools import pairwise, product
 from math import inf, isfinite, nan
 from typing import Any
 
@@ -11,71 +12,64 @@ from matplotlib.figure import Figure
 from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.model.joints import Clamp, Weld
 from reference.exact import solve_static as exact_static
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
-from studies.engine.refinement import MESH, STEP, Refined, Refinement, Setup, offer_of
+from studies.engine.meshes import Mesh, mesh_label
+from studies.engine.refinement import MESH, STEP, Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
 from studies.engine.tables import Table
-from studies.engine.trials import NO_BEAMS, Mesh, mesh_label
-from studies.engine.values import OUTPUTS_NOTE, at_joints, at_probes, rows_of, values_of
+from studies.engine.trials import IMPLICIT, NO_BEAMS, OURS, offer_of
+from studies.engine.values import OUTPUTS_NOTE, at_joints, rows_of, values_of
 from studies.report.plots import DASHES, MARKERS, as_picture, log_axes, picture
 
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-5, True: 1e-3}
-#: Observed order of a mesh below which it is taken to be the first.
-FIRST_ORDER = 1.5
-HELD = (
-    ' Where an axial force acts, clamps and welds that hold the stretch leave an error of first order: stretch="free" '
-    "in them removes it."
-)
-#: Titles and notes of the tables.
-TABLES = {
+#: Tables by name: title, rows of a refined run, and notes.
+TABLES: dict[str, tuple[Any, ...]] = {
     "mesh": (
-        "Error over the mesh",
-        "error: difference to the finest mesh by the same step, plus the estimate of the finest mesh's own error "
-        "(Richardson's, 1.5 times, or, where the order is not that of theory, twice the difference to the mesh "
-        "before). order: observed, of two differences of meshes that follow each other.",
+        "Error over the mesh", lambda found: _levels(found, MESH),
+        "error: difference to the finest mesh by the same step, plus the estimate of that mesh's own error. order: "
+        "observed, of two differences of meshes that follow each other.",
     ),
-    "step": ("Error over the step", "error and order as over the mesh, of steps on the finest mesh."),
+    "step": (
+        "Error over the step", lambda found: _levels(found, STEP), "As over the mesh, of steps on the finest mesh.",
+    ),
     "values": (
-        "Values and their uncertainty",
-        "digits: the value to the first digit of its uncertainty. uncertainty: estimated for that value from coarser "
-        "meshes and steps; orders above 2 are not counted on.",
+        "Values and their uncertainty", lambda found: rows_of(values_of(found)),
+        "digits: the value to the first digit of its uncertainty, which is estimated from coarser meshes and steps.",
         OUTPUTS_NOTE,
     ),
     "forces": (
-        "Joint forces",
-        "Of all output times the largest; of an equilibrium the last. A moment is that on the first place of a joint. "
-        "Forces follow accelerations, and converge more slowly than places.",
+        "Joint forces", lambda found: rows_of(values_of(found, at_joints), "joint"),
+        "Of all output times the largest; of an equilibrium the last. A moment is that on the first place of a joint.",
     ),
     "exact": (
-        "Equilibria against exact solutions",
-        "Equilibria of a clamped beam against the exact solution of the continuum that the element tends to: "
-        "difference of the probes' displacements, relative, beside its estimate.",
+        "Equilibria against exact solutions", lambda found: exact_rows(found),
+        "Difference of the probes' displacements to the exact solution of the continuum that the element tends to, "
+        "relative, beside its estimate.",
     ),
-}
+}  # fmt: skip
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of a case: cables, and of whole studies shear elements, too, if no element is requested.
-
-    Raises
-    ------
-    StudyError
-        If meshes or steps do not fit the case, or nothing is refined, or an integrator is given where nothing moves.
-    """
-    case = options.case
+    """Run the study of a case: cables, and of whole studies shear elements, too, if no element is requested."""
+    case, quick = options.case, options.quick
     check_fits(options, case)
     meshes, steps = given_levels(case, options)
-    target = options.error or (inf if meshes and steps else TARGETS[options.quick])
+    target = options.error or (inf if meshes and steps else TARGETS[quick])
+    usual = ("cable", "shear") if case.scene.beams and not quick else ("cable",)
+    elements = (options.element,) if options.element else usual
     runner.heading = f"{case.name}: "
-    levels = [Refinement(case, setup, runner, meshes, steps) for setup in setups(options, case)]
-    found = [one.refined(target) for one in levels]
+    levels: dict[tuple[str, str], Refinement] = {}  # each solver with each element of its own once
+    for solver, element in product(options.solvers or (OURS,), elements):
+        setting: Any = {"solver": solver, "element": element, "integrator": options.integrator or IMPLICIT}
+        one = Refinement(case, runner, meshes, steps, **setting)
+        levels.setdefault((solver, one.plain.used), one)
+    found = [one.refined(target) for one in levels.values()]
     frames = {name: pd.DataFrame([row for one in found for row in _rows(name, one)]) for name in TABLES}
-    tables = [Table(n, TABLES[n][0], f, TABLES[n][1:]) for n, f in frames.items() if n != "exact" or len(f)]
+    tables = [Table(n, TABLES[n][0], f, TABLES[n][2:]) for n, f in frames.items() if n != "exact" or len(f)]
     name, caption = f"configurations_{file_name(case.name)}", f"{case.name}: configurations and energies."
     drawn = [as_picture(name, caption, f.solution.plot()) for f in found if len(f.solution.t)]
     return Result(
@@ -88,43 +82,22 @@ def run(options: Options, runner: Runner) -> Result:
     )  # fmt: skip
 
 
-def setups(options: Options, case: Case) -> list[Setup]:
-    """Each solver with each element of its own once: without beams all are the same."""
-    several = not options.quick and bool(case.scene.beams)
-    elements = (options.element,) if options.element else ("cable", "shear") if several else ("cable",)
-    integrator, found = options.integrator or Setup.integrator, dict[tuple[str, str], Setup]()
-    for solver in options.solvers or (Setup.solver,):
-        for element in elements:
-            setup = Setup(solver, element, integrator)
-            found.setdefault((solver, setup.own_element), setup)
-    return list(found.values())
-
-
 def given_levels(case: Case, options: Options) -> tuple[tuple[Mesh, ...], tuple[float, ...]]:
     """Meshes from coarse to fine, and steps (s) from long to short, of a case; none where none are given.
 
-    Raises
-    ------
-    StudyError
-        If one mesh is not finer than another, or there is nothing to compare.
-    StepError
-        If a step does not divide the interval of output.
+    StudyError if one mesh is not finer than another, or nothing can be compared; StepError if a step does not fit.
     """
     each = [mesh * len(case.scene.beams) if len(mesh) == 1 else mesh for mesh in options.meshes or ()]
     meshes, steps = tuple(sorted(each, key=sum)), tuple(sorted(options.steps or (), reverse=True))
     for coarse, fine in pairwise(meshes):
         if not all(n > before for n, before in zip(fine, coarse, strict=True)):
-            raise StudyError(
-                f"--elements has {mesh_label(coarse)} and {mesh_label(fine)}; the finer of two meshes needs more "
-                f"elements of each beam of {case.name!r}: an order is observed over meshes that are finer everywhere"
-            )
+            two = f"--elements has {mesh_label(coarse)} and {mesh_label(fine)}"
+            raise StudyError(f"{two}; meshes that are finer everywhere are needed to observe an order")
     if len(meshes) == 1 and (len(steps) == 1 or case.static):
-        raise StudyError(
-            f"--elements is {mesh_label(meshes[0])} alone{'' if case.static else ', and --dt one step'}: nothing "
-            f"converges; at least two of one of them are needed (`anctmm run` does a single run)"
-        )
+        alone = f"--elements is {mesh_label(meshes[0])} alone{'' if case.static else ', and --dt one step'}"
+        raise StudyError(f"{alone}: nothing converges; at least two of one of them are needed")
     for level in range(len(steps)):
-        Refinement(case, Setup(), Runner(), meshes, steps).trial(0, level).run()
+        Refinement(case, Runner(), meshes, steps).trial(0, level).run()
     return meshes, steps
 
 
@@ -135,20 +108,10 @@ def _rows(table: str, found: Refined) -> Iterator[dict[str, Any]]:
     """Rows of a table."""
     trial = found.trial
     about = {
-        "scene": trial.scene.name, "solver": trial.solver,
-        "element": found.levels.setup.own_element if trial.scene.beams else NO_BEAMS,
+        "scene": trial.scene.name, "solver": trial.solver, "element": trial.used if trial.scene.beams else NO_BEAMS,
         "integrator": trial.integrator,
     }  # fmt: skip
-    match table:
-        case "mesh" | "step":
-            rows = _levels(found, MESH if table == "mesh" else STEP)
-        case "exact":
-            rows = exact_rows(found)
-        case "values":
-            rows = iter(rows_of(values_of(found, at_probes)))
-        case _:
-            rows = iter(rows_of(values_of(found, at_joints), "joint"))
-    yield from (about | row for row in rows)
+    yield from (about | row for row in TABLES[table][1](found))
 
 
 def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
@@ -167,21 +130,17 @@ def _levels(finest: Refined, axis: int) -> Iterator[dict[str, Any]]:
 
 def exact_rows(found: Refined) -> Iterator[dict[str, Any]]:
     """Difference of an equilibrium to the exact solution of its continuum, where one is known."""
-    setup, case = found.levels.setup, found.levels.case
-    limit = offer_of(setup.solver).limits.get(setup.element, KINDS[setup.element].continuum)
-    try:
-        exact = exact_static(case.scene, limit) if case.static else None
-    except AnctmmError:
-        exact = None
-    error = inf if exact is None else found.levels.difference(found.solution, exact)
-    if isfinite(error):
-        about = {
-            "elements": found.trial.cut,
-            "continuum": limit,
-            "difference": error,
-            "estimate": found.error,
-        }
-        yield {**about, "status": str(found.solution.status)}
+    trial, case = found.trial, found.levels.case
+    limit = offer_of(trial.solver).limits.get(trial.element, KINDS[trial.element].continuum)
+    with suppress(AnctmmError):
+        error = (
+            found.levels.difference(found.solution, exact_static(case.scene, limit)) if case.static else inf
+        )
+        if isfinite(error):
+            yield {
+                "elements": trial.cut, "continuum": limit, "difference": error, "estimate": found.error,
+                "status": str(found.solution.status),
+            }  # fmt: skip
 
 
 # --- sentences -----------------------------------------------------------------------------------------------
@@ -191,10 +150,10 @@ def finding(found: Refined) -> str:
     """Result of one setup in a sentence."""
     if not found.solution.status.ok:
         return f"{found.levels.case.name}: {found.reason}."
-    named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.setup.orders, strict=True)
+    named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.orders, strict=True)
     orders = [f"in the {n} {part.order:.2f} (theory {o:g})" for n, part, o in named if isfinite(part.order)]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
-    return f"{found.levels.case.name}: {order}{_estimate(found)}.{HELD if _holds_stretch(found) else ''}"
+    return f"{found.levels.case.name}: {order}{_estimate(found)}."
 
 
 def answers(found: Refined) -> Iterator[Answer]:
@@ -209,7 +168,7 @@ def answers(found: Refined) -> Iterator[Answer]:
     value = max(moved, key=lambda v: abs(v.value))
     yield Answer(question, value.text, f"{value.probe}, {value.quantity}. {_estimate(found)}.")
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
-    if any(not abs(v.value) <= v.uncertainty for v in forces):
+    if forces:
         largest = max(forces, key=lambda v: abs(v.value))
         take = f"In {largest.probe}, {largest.quantity}."
         yield Answer(f"{name}: what is the largest force in a joint?", largest.text, take)
@@ -221,14 +180,7 @@ def _estimate(found: Refined) -> str:
         return "there is no mesh or step to refine"
     given = "" if found.levels.estimates else "; the other is the one given, and its error is not known"
     short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
-    return f"{found.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
-
-
-def _holds_stretch(found: Refined) -> bool:
-    """Whether a mesh converges at first order only, as it does where joints hold the stretch."""
-    held = any(isinstance(j, Clamp | Weld) and j.stretch == "held" for j in found.levels.case.scene.joints)
-    slow = found.mesh.order < FIRST_ORDER < found.levels.setup.orders[MESH]
-    return held and slow and found.mesh.error > found.step.error
+    return f"{found.trial.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
 
 
 def _picture(scene: str, meshes: pd.DataFrame, steps: pd.DataFrame) -> Iterator[Picture]:

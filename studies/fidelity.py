@@ -14,13 +14,13 @@ from anctmm.model.scene import Beam, Scene
 from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
 from studies.engine.files import file_name
-from studies.engine.meshes import explicit_limit, step_below
-from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup
+from studies.engine.meshes import step_below
+from studies.engine.refinement import Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError
-from studies.engine.tables import BUILD, Table, milliseconds, records
+from studies.engine.tables import BUILD, Table, milliseconds
 from studies.engine.timing import least
-from studies.engine.trials import Trial
+from studies.engine.trials import EXPLICIT, Trial, explicit_limit
 from studies.report.plots import floor, log_axes, picture
 
 #: Kinds of model, the detailed one first.
@@ -35,31 +35,23 @@ MOST_WORK = {False: 4e6, True: 3e5}
 #: Beams, or groups of equal beams, that are chosen one by one, at most.
 MOST_UNITS = 8
 PHYSICS = (
-    "Each kind of element is on a mesh, and moves by an implicit step, that were refined until their part of the error "
-    f"is below {SHARE:g} of the smallest target error; explicit steps are a safe part of the choice's own stability "
-    "limit.",
+    "Each kind of element has a mesh and an implicit step of its own, whose part of the error is below "
+    f"{SHARE:g} of the smallest target error; explicit steps are a safe part of the choice's own stability limit.",
     "A rigid beam is a thin bar: no rotary inertia of its section, as the cable.",
 )
-NOTES = {
-    "cheapest": "target: for model, mesh and step together; a choice counts if its error and the uncertainty of the "
-    "detailed model together are below it. gain: CPU time of the detailed model over that of the choice.",
-    "beams": "model: kinds of the run, all other beams as detailed as they can be (welds do not join shear elements to "
-    "cables). enough_for: the smallest target error that it meets.",
-    "choices": "error: difference to the detailed model at the probes; it holds all: model, mesh and step.",
-}
+CHEAPEST = (
+    "target: for model, mesh and step together; a choice counts if its error and the uncertainty of the detailed model "
+    "together are below it. gain: CPU time of the detailed model over that of the choice."
+)
+ALONE = "All other beams are as detailed as they can be. enough_for: the smallest target error that it meets."
+EVERY = "error: difference to the detailed model at the probes; it holds all: model, mesh and step."
 
 #: A kind for each beam, in the scene's order.
 Kinds = tuple[str, ...]
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of a case that has beams.
-
-    Raises
-    ------
-    StudyError
-        If it has none.
-    """
+    """Run the study of a case; StudyError if it has no beams."""
     case = options.case
     if not case.scene.beams:
         raise StudyError(f"case {case.name!r} has no beam; at least one is needed to choose its element")
@@ -69,25 +61,25 @@ def run(options: Options, runner: Runner) -> Result:
     refined = dict[str, Refined]()
     for kind in choices.kinds:
         runner.heading = f"{case.name}, mesh and step of {kind} beams: "
-        refined[kind] = Refinement(case, Setup(element=kind), runner).refined(SHARE * smallest)
-    models = Models(case, choices, refined, runner, MOST_WORK[options.quick])
-    rows = _with_gain(models.rows(choices.first()))
-    alone = pd.DataFrame(_simplified(case, rows, choices, targets))
-    known = {(row["unit"], row["kind"]): row["error"] for row in records(alone) if row["status"] == "ok"}
-    more = [kinds for kinds in choices.best(known, targets) if "/".join(kinds) not in set(rows["element"])]
-    if more:
-        rows = _with_gain(pd.concat([rows, models.rows(more)], ignore_index=True))
-    alone = alone.drop(columns="unit")
+        refined[kind] = Refinement(case, runner, element=kind).refined(SHARE * smallest)
+    rows = _rows(case, choices, refined, runner, choices.first())
+    ok = rows[rows["status"] == "ok"]
+    worst = ok.groupby("element")["error"].max().to_dict()
+    known = {pair: worst.get("/".join(choices.alone(*pair)), nan) for pair in choices.pairs}
+    if more := [k for k in choices.best(known, targets) if "/".join(k) not in set(rows["element"])]:
+        rows = pd.concat([rows, _rows(case, choices, refined, runner, more)], ignore_index=True)
+    rows["gain"] = rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"]
+    alone = pd.DataFrame(_simplified(rows, choices, targets))
     cheapest = pd.DataFrame([_cheapest(rows, target) for target in targets])
-    model, sentence = _finding(case, rows, cheapest)
+    model, sentence = _finding(rows, cheapest)
     question = f"{case.name}: which beams may be modelled more simply?"
     return Result(
         name="fidelity", title="Fidelity", question="Which beam must be modelled how finely, and what is saved?",
         findings=(sentence,), assumptions=(*PHYSICS, *assumptions_of(case), *_remarks(case, refined)),
         tables=(
-            Table("cheapest", "The cheapest model under a target error", cheapest, (NOTES["cheapest"],)),
-            Table("beams", "One beam simplified at a time", alone, (NOTES["beams"],)),
-            Table("choices", "Every choice of kinds", rows, (NOTES["choices"], BUILD)),
+            Table("cheapest", "The cheapest model under a target error", cheapest, (CHEAPEST,)),
+            Table("beams", "One beam simplified at a time", alone, (ALONE,)),
+            Table("choices", "Every choice of kinds", rows, (EVERY, BUILD)),
         ),
         pictures=(_picture(case.name, rows),) if (rows["error"] > 0.0).any() else (),
         answers=(Answer(question, model, sentence),), shown=("cheapest", "beams"),
@@ -123,11 +115,15 @@ class Choices:
         """One unit of a kind, all others as detailed as can be."""
         return tuple(kind if k in self.units[unit] else self.kinds[0] for k in range(len(self.names)))
 
+    @property
+    def pairs(self) -> list[tuple[int, str]]:
+        """Each unit with each simpler kind."""
+        return list(product(range(len(self.units)), self.kinds[1:]))
+
     def first(self) -> list[Kinds]:
         """Choices to try before anything is known, the detailed one first."""
         uniform = [(kind,) * len(self.names) for kind in self.kinds]
-        alone = [self.alone(*pair) for pair in product(range(len(self.units)), self.kinds[1:])]
-        return list(dict.fromkeys([*uniform, *alone]))
+        return list(dict.fromkeys([*uniform, *(self.alone(*pair) for pair in self.pairs)]))
 
     def best(self, error: Mapping[tuple[int, str], float], targets: Sequence[float]) -> list[Kinds]:
         """Combinations of simplified units whose errors alone sum up to no more than a target."""
@@ -137,7 +133,7 @@ class Choices:
     def _sum_below(self, error: Mapping[tuple[int, str], float], target: float, base: str) -> Kinds:
         kinds, taken = [base] * len(self.names), dict[int, float]()
         simpler = self.kinds[self.kinds.index(base) + 1 :]
-        allowed = [(e, unit, kind) for (unit, kind), e in error.items() if kind in simpler]
+        allowed = [(e, unit, kind) for (unit, kind), e in error.items() if kind in simpler and e <= target]
         for e, unit, kind in sorted(allowed):  # a later kind of a unit is simpler, and has a larger error
             if sum(taken.values()) - taken.get(unit, 0.0) + e <= target:
                 taken[unit] = e
@@ -145,66 +141,56 @@ class Choices:
                     kinds[k] = kind
         return tuple(kinds)
 
+    def label(self, unit: int) -> str:
+        """The beams of a unit in words."""
+        name, *equal = (self.names[k] for k in self.units[unit])
+        return name + (f" and {len(equal)} equal ones" if equal else "")
+
     def words(self, kinds: Kinds) -> str:
         """A choice in words."""
         usual = max(dict.fromkeys(kinds), key=kinds.count)
-        parts = []
-        for kind in dict.fromkeys(k for k in kinds if k != usual):
-            those = [name for name, k in zip(self.names, kinds, strict=True) if k == kind]
-            more = f" and {len(those) - 4} more" if len(those) > 4 else ""
-            parts.append(f"{', '.join(those[:4])}{more} {kind}")
-        return f"{usual}, but {'; '.join(parts)}" if parts else usual if len(kinds) == 1 else f"all {usual}"
+        own = [(self.label(k), kinds[unit[0]]) for k, unit in enumerate(self.units)]
+        others = [f"{beams} {kind}" for beams, kind in own if kind != usual]
+        return f"{usual}, but {', '.join(others)}" if others else usual
 
 
-@dataclass(frozen=True)
-class Models:
-    """Runs of choices, each kind on the mesh and by the step that its own refinement found."""
+def _rows(
+    case: Case, choices: Choices, refined: Mapping[str, Refined], runner: Runner, every: Sequence[Kinds]
+) -> pd.DataFrame:
+    """Rows of choices, the detailed one first: of implicit and of explicit steps; of equilibria one.
 
-    case: Case
-    choices: Choices
-    refined: Mapping[str, Refined]  # by kind
-    runner: Runner
-    most_work: float  # of an explicit run, elements times steps
-
-    def rows(self, every: Sequence[Kinds]) -> pd.DataFrame:
-        """Rows of choices: of implicit and of explicit steps; of equilibria one."""
-        reference = self.refined[self.choices.kinds[0]]
-        planned = [(kinds, trial) for kinds in every for trial in self._trials(kinds)]
-        self.runner.heading = f"{self.case.name}, choices: "
-        trials = [trial for _, trial in planned]
-        solutions = self.runner.solve_many(trials)
-        good = [k for k, s in enumerate(solutions) if s.status.ok]
-        costs = self.runner.time_in_turn([trials[k] for k in good]) if good else []
-        times = {k: vars(least(samples)) for k, samples in zip(good, costs, strict=True)}
-        return pd.DataFrame([
-            {
-                "scene": self.case.name, "model": self.choices.words(kinds), "element": "/".join(kinds),
-                "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
-                "error": reference.error_of(solution), "reference_error": reference.uncertainty,
-                **{name: times[k][name] if k in times else nan for name in ("cpu_s", "build_s")},
-                "status": str(solution.status),
-            }
-            for k, ((kinds, trial), solution) in enumerate(zip(planned, solutions, strict=True))
-        ])  # fmt: skip
-
-    def _trials(self, kinds: Kinds) -> Iterator[Trial]:
-        """An implicit run (an equilibrium), and an explicit one where that does not take too long."""
-        mesh = tuple(self.refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
-        element = FrozenMapping(zip(self.choices.names, kinds, strict=True))
-        reached = {found.trial.dt for kind, found in self.refined.items() if kind in kinds and found.reached}
-        dt = min(reached or {found.trial.dt for found in self.refined.values()})
-        implicit = Trial.of(self.case, Setup.solver, mesh, element=element, dt=dt)
-        yield implicit
-        if not self.case.static:
-            limit = explicit_limit(self.case, implicit.by_body, element=element)
-            dt = step_below(self.case, min(limit, 1e-3 * self.case.duration))
-            explicit = replace(implicit, integrator=EXPLICIT, dt=dt)
-            yield from (explicit,) if explicit.work <= self.most_work else ()
+    Each kind is on the mesh and moves by the step that its own refinement found.
+    """
+    reference, runner.heading = refined[choices.kinds[0]], f"{case.name}, choices: "
+    planned = [(kinds, trial) for kinds in every for trial in _trials(case, choices, refined, kinds)]
+    planned = [(k, t) for k, t in planned if t.integrator != EXPLICIT or t.work <= MOST_WORK[runner.quick]]
+    solutions = runner.solve_many(trial for _, trial in planned)
+    rows = pd.DataFrame([
+        {
+            "scene": case.name, "model": choices.words(kinds), "element": "/".join(kinds),
+            "integrator": trial.integrator, "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
+            "error": reference.error_of(solution), "reference_error": reference.uncertainty, "cpu_s": nan,
+            "build_s": nan, "status": str(solution.status),
+        }
+        for (kinds, trial), solution in zip(planned, solutions, strict=True)
+    ])  # fmt: skip
+    good = [k for k, solution in enumerate(solutions) if solution.status.ok]
+    costs = map(least, runner.time_in_turn([planned[k][1] for k in good]))
+    rows.update(pd.DataFrame(list(costs), index=good))
+    return rows
 
 
-def _with_gain(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with the time of the detailed model, which is the first, over theirs."""
-    return rows.assign(gain=rows[rows["model"] == rows["model"].iloc[0]]["cpu_s"].min() / rows["cpu_s"])
+def _trials(case: Case, choices: Choices, refined: Mapping[str, Refined], kinds: Kinds) -> Iterator[Trial]:
+    """An implicit run (an equilibrium), and an explicit one of a motion."""
+    mesh = tuple(refined[kind].trial.mesh[k] for k, kind in enumerate(kinds))
+    element = FrozenMapping(zip(choices.names, kinds, strict=True))
+    reached = {found.trial.dt for kind, found in refined.items() if kind in kinds and found.reached}
+    dt = min(reached or {found.trial.dt for found in refined.values()})
+    implicit = Trial.of(case, mesh=mesh, element=element, dt=dt)
+    yield implicit
+    if not case.static:
+        dt = step_below(case, min(explicit_limit(implicit), 1e-3 * case.duration))
+        yield replace(implicit, integrator=EXPLICIT, dt=dt)
 
 
 def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
@@ -215,54 +201,44 @@ def _remarks(case: Case, refined: Mapping[str, Refined]) -> Iterator[str]:
     if "shear" not in refined:
         nu = max(beam.material.poisson for beam in case.scene.beams)
         factor = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-        yield (
-            f"{case.name}: with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} on any mesh "
-            f"(thickness locking), so that cables are the detailed model here."
+        locked = (
+            f"with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} (thickness locking)"
         )
+        yield f"{case.name}: {locked}, so that cables are the detailed model here."
 
 
-def _simplified(
-    case: Case, rows: pd.DataFrame, choices: Choices, targets: Sequence[float]
-) -> Iterator[dict[str, Any]]:
-    """Error and gain of each beam simplified alone, or why it cannot be."""
-    for (unit, those), kind in product(enumerate(choices.units), choices.kinds[1:]):
-        others = f" and {len(those) - 1} equal ones" if len(those) > 1 else ""
-        about = {"scene": case.name, "beam": choices.names[those[0]] + others, "unit": unit, "kind": kind}
-        runs = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s")
-        best = runs.iloc[0]  # those that fail have no time, and are the last
-        if best["status"] != "ok":
-            yield {**about, "status": best["status"]}
-            continue
+def _simplified(rows: pd.DataFrame, choices: Choices, targets: Sequence[float]) -> Iterator[dict[str, Any]]:
+    """Error and gain of each beam simplified alone; those that fail have no time, and are the last."""
+    for unit, kind in choices.pairs:
+        best = rows[rows["element"] == "/".join(choices.alone(unit, kind))].sort_values("cpu_s").iloc[0]
         bound = best["error"] + best["reference_error"]
-        enough = min((t for t in targets if bound <= t), default=nan)
-        found = {name: best[name] for name in ("model", "error", "reference_error", "gain")}
-        yield {**about, **found, "enough_for": enough, "status": "ok"}
+        yield {
+            "scene": best["scene"], "beam": choices.label(unit), "kind": kind,
+            **best[["model", "error", "reference_error", "gain"]],
+            "enough_for": min((t for t in targets if bound <= t), default=nan), "status": best["status"],
+        }  # fmt: skip
 
 
-def _cheapest(rows: pd.DataFrame, target: float) -> dict[str, Any]:
+def _cheapest(rows: pd.DataFrame, target: float) -> dict[Any, Any]:
     """The cheapest choice whose error, with the uncertainty of the detailed model, is below a target."""
     able = rows[(rows["error"] + rows["reference_error"] <= target) & (rows["cpu_s"] > 0.0)]
-    about = {"scene": rows["scene"].iloc[0], "target": target}
-    if able.empty:
-        return {**about, "status": "no choice is sure to meet it"}
-    best = able.sort_values("cpu_s").iloc[0]
-    names = ("model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status")
-    return {**about, **{name: best[name] for name in names}}
+    none = "no choice is sure to meet it"
+    about: dict[Any, Any] = {"scene": rows["scene"].iloc[0], "target": target, "status": none}
+    found = ["model", "integrator", "elements", "dt", "error", "reference_error", "cpu_s", "gain", "status"]
+    return about | (able.sort_values("cpu_s")[found].iloc[0].to_dict() if len(able) else {})
 
 
-def _finding(case: Case, rows: pd.DataFrame, cheapest: pd.DataFrame) -> tuple[str, str]:
+def _finding(rows: pd.DataFrame, cheapest: pd.DataFrame) -> tuple[str, str]:
     """The simplest model that meets the smallest target, and a sentence on it."""
-    met = cheapest[cheapest["status"] == "ok"]
+    met, detailed, scene = cheapest[cheapest["status"] == "ok"], rows["model"].iloc[0], rows["scene"].iloc[0]
     if met.empty:
-        return "none", f"{case.name}: no model meets any target error."
-    best, detailed = met.iloc[-1], rows["model"].iloc[0]
-    sure, by = best["reference_error"], "" if case.static else f" with {best['integrator']}"
-    away = f"{best['error']:.1g} ± {sure:.1g} from {detailed}, which takes {best['gain']:.2g} times as long"
-    none = f"no simpler model meets it (uncertainty {sure:.1g})"
-    return str(best["model"]), (
-        f"{case.name}: for a target error of {best['target']:g}: {best['model']}{by}, {milliseconds(best['cpu_s'])}; "
-        f"{none if best['model'] == detailed else away}."
-    )
+        return "none", f"{scene}: no model meets any target error."
+    best = met.iloc[-1]
+    takes = f"{best['model']} ({best['integrator']}), {milliseconds(best['cpu_s'])}"
+    away = f"{best['error']:.1g} ± {best['reference_error']:.1g} from {detailed}"
+    slower = f"{away}, which takes {best['gain']:.2g} times as long"
+    why = "no simpler model meets it" if best["model"] == detailed else slower
+    return str(best["model"]), f"{scene}: for a target error of {best['target']:g}: {takes}; {why}."
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:
@@ -277,7 +253,7 @@ def _picture(scene: str, rows: pd.DataFrame) -> Picture:
         log_axes(figure, [axes], [("CPU time of the steps (s)", "error of the model")])
 
     caption = (
-        f"{scene}: error of each choice of kinds against its CPU time; every marker is a model of all beams."
+        f"{scene}: error of each choice of kinds against its CPU time; a marker is a model of all beams."
     )
     return picture(f"fidelity_{file_name(scene)}", caption, draw, (6.8, 3.8))
 

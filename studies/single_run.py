@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -11,11 +12,11 @@ from rich.console import Console
 from anctmm.errors import CaseError
 from anctmm.results.solution import Solution
 from studies.engine.files import atomic_write
-from studies.engine.refinement import Refined, Refinement, Setup
+from studies.engine.refinement import Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Options, check_fits
 from studies.engine.tables import Table, say, show_frame, write_machine, write_table
-from studies.engine.trials import not_installed
+from studies.engine.trials import OURS, not_installed
 from studies.engine.values import OUTPUTS_NOTE, Value, rows_of, values_of
 
 #: Target error where none is given.
@@ -104,15 +105,16 @@ def run_case(options: Options, runner: Runner) -> SingleRun:
     CaseError, StudyError, DiscretisationError
         If something given does not fit the case, or does not fit together.
     """
-    case, error, (solver, *others) = options.case, options.error, options.solvers or (Setup.solver,)
+    case, error, (solver, *others) = options.case, options.error, options.solvers or (OURS,)
     check_fits(options, case)
     if error is not None and options.meshes and (options.steps or case.static) and not others:
         raise CaseError(
             f"error is {error:g} beside a mesh and a step; it needs one of them to refine, or other solvers that "
             f"may differ by it"
         )
-    setup = Setup(solver, options.element or Setup.element, options.integrator or Setup.integrator)
-    levels = Refinement(case, setup, runner, options.meshes or (), options.steps or ())
+    setting = {"element": options.element, "integrator": options.integrator}
+    given: Any = {name: value for name, value in setting.items() if value}
+    levels = Refinement(case, runner, options.meshes or (), options.steps or (), solver=solver, **given)
     if options.steps:
         levels.trial(0, 0).run()  # refuses a step that does not fit
     runner.heading = f"{case.name}: "
@@ -164,7 +166,7 @@ def show(run: SingleRun, console: Console) -> None:
     """Print the setting, its error, and the values at the probes."""
     found, case = run.found, run.found.levels.case
     status, cost = found.solution.status, found.solution.cost
-    say(console, f"{case.name}: {found.label}", "bold")
+    say(console, f"{case.name}: {found.trial.label}", "bold")
     if case.note:
         say(console, case.note, "dim")
     say(console, f"{status}", "green" if status.ok else "red")

@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import flexible
-from anctmm.errors import AnctmmError, UnsupportedError
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
@@ -18,82 +16,68 @@ from anctmm.solvers import registry
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
 from studies.cases import assumptions_of
-from studies.engine.study import Result
+from studies.engine.runner import Runner
+from studies.engine.study import Options, Result
 from studies.engine.tables import Table
+from studies.engine.trials import EXPLICIT, Trial, offer_of
 from studies.scenes import moving_scenes
 
 #: Elements of each beam by the element, of the cantilever and of the four-bar: shear elements converge slowly.
-MESHES = {"cable": (16, (4, 16, 4)), "quintic": (8, (1, 4, 1)), "shear": (128, (16, 64, 16))}
-QUICK = {"cable": (8, (2, 8, 2)), "shear": (32, (4, 16, 4))}
+MESHES = {"cable": ((16,), (4, 16, 4)), "quintic": ((8,), (1, 4, 1)), "shear": ((128,), (16, 64, 16))}
+QUICK = {**MESHES, "cable": ((8,), (2, 8, 2)), "shear": ((32,), (4, 16, 4))}
 #: Step, s, by whether the run is quick; and of a solver that has explicit steps only.
 STEP, EXPLICIT_STEP = {False: 2e-3, True: 5e-3}, 5e-6
 NOTES = (
-    "Largest distance of the probes' histories over all times, relative to the largest displacement; the largest over "
-    "the base scenes and elements that both solvers have. Empty: none, or a run that did not end well.",
-    "The same element, mesh and step in both. Solvers with elements of their own run on the mesh of shear elements: "
-    "their figure is the difference of two models, or of two discretisations.",
-    f"A solver without implicit steps takes explicit ones of {EXPLICIT_STEP:g} s, and is left out of a quick run.",
+    "Largest distance of the probes' histories over all times, relative to the largest displacement, at the same "
+    "element, mesh and step. Empty: no common element, or a run that did not end well.",
+    "Solvers with elements of their own run on the mesh of shear elements: their figure is the difference of two "
+    f"models or discretisations. A solver without implicit steps takes explicit ones of {EXPLICIT_STEP:g} s.",
 )
 
 
-def agreement(quick: bool = False, solvers: Sequence[str] | None = None, **asked: Any) -> pd.DataFrame:
+def agreement(
+    quick: bool = False, solvers: Sequence[str] | None = None, runner: Runner | None = None, **asked: Any
+) -> pd.DataFrame:
     """A row for each scene, each pair of solvers and each element that both have.
 
-    A solver takes part where it declares the features of the scene and the element.
-
-    Parameters
-    ----------
-    quick : bool
-    solvers : sequence of str, optional
-    **asked
-        element, integrator, dt (s) or mesh (elements of each beam, or one number) in the place of the study's own.
+    A solver takes part where it declares the features of the scene and the element. `asked` may have element,
+    integrator, dt (s) and mesh (elements of each beam) in the place of the study's own.
     """
     if asked.get("element") is not None:
         one_of("--element", asked["element"], flexible())
     rows: list[dict[str, Any]] = []
-    for base in moving_scenes():
-        found = {name: dict(_runs(base, name, quick, asked)) for name in solvers or registry.names()}
+    for case in moving_scenes():
+        names = solvers or registry.names()
+        trials = [trial for name in names for trial in _trials(case, name, quick, asked)]
+        found: dict[str, dict[str, Solution]] = {name: {} for name in names}
+        for trial, solution in zip(trials, (runner or Runner()).solve_many(trials), strict=True):
+            if solution.status.code != "unsupported":
+                found[trial.solver][trial.used] = solution
         for (a, mine), (b, theirs) in combinations(found.items(), 2):
             shared = [(element, element) for element in mine if element in theirs]
-            for i, j in shared or product(mine, theirs):
-                head = {"scene": base.name, "solver": a, "other": b, "element": i if i == j else f"{i} / {j}"}
-                rows.append(
-                    head
-                    | _difference(base, mine[i], theirs[j])
-                    | {"same_element": i == j and i in flexible()}
-                )
+            rows += [
+                {
+                    "scene": case.name, "solver": a, "other": b, "element": i if i == j else f"{i} / {j}",
+                    **_difference(case, mine[i], theirs[j]), "same_element": i == j and i in flexible(),
+                }
+                for i, j in shared or product(mine, theirs)
+            ]  # fmt: skip
     return pd.DataFrame(rows)
 
 
-def _runs(
-    base: Case, name: str, quick: bool, asked: Mapping[str, Any]
-) -> Iterator[tuple[str, Solution | str]]:
-    """The element that a solver really uses, with its solution, or why there is none."""
-    try:
-        solve, offer = registry.solver(name), registry.offer_of(registry.load(name))
-    except AnctmmError as error:
-        yield "?", str(error)
-        return
+def _trials(case: Case, solver: str, quick: bool, asked: Mapping[str, Any]) -> Iterator[Trial]:
+    """Runs of a solver with each element; none where it lacks a feature of the scene."""
+    offer = offer_of(solver)
     integrator = asked.get("integrator") or offer.integrators[0]
-    explicit = integrator == "zhai"
-    features = {integrator, *(feature for feature, _ in needs(base.scene))}
+    explicit = integrator == EXPLICIT
+    features = {integrator, *(feature for feature, _ in needs(case.scene))}
     for element in () if explicit and quick else _elements(offer, asked.get("element"), quick):
-        if offer.lacking({*features, element}):
-            continue
-        run = Discretisation(
-            asked.get("mesh") or _mesh(base, element, quick), element, integrator=integrator,
-            dt=asked.get("dt") or (EXPLICIT_STEP if explicit else STEP[quick]),
-            t_end=base.duration, output_dt=base.interval,
-        )  # fmt: skip
-        try:
-            found = solve(base.scene, run)
-        except UnsupportedError:
-            continue
-        except AnctmmError as error:
-            yield offer.element_of(element), str(error)
-            continue
-        if found.status.code != "unsupported":
-            yield offer.element_of(element), found if found.status.ok else str(found.status)
+        one, three = (QUICK if quick else MESHES)[element]
+        usual = EXPLICIT_STEP if explicit else STEP[quick]
+        if not offer.lacking({*features, element}):
+            mesh = asked.get("mesh") or (one if len(case.scene.beams) == 1 else three)
+            dt = asked.get("dt") or usual
+            yield Trial.of(case, solver, mesh, element=element, integrator=integrator, dt=dt)
 
 
 def _elements(offer: Offer, asked: str | None, quick: bool) -> Iterator[str]:
@@ -106,19 +90,11 @@ def _elements(offer: Offer, asked: str | None, quick: bool) -> Iterator[str]:
             yield element
 
 
-def _mesh(base: Case, element: str, quick: bool) -> Any:
-    """Elements of each beam."""
-    one, three = QUICK.get(element, MESHES[element]) if quick else MESHES[element]
-    names = [beam.name for beam in base.scene.beams]
-    return one if len(names) == 1 else dict(zip(names, three, strict=True))
-
-
-def _difference(base: Case, one: Solution | str, other: Solution | str) -> dict[str, Any]:
+def _difference(case: Case, one: Solution, other: Solution) -> dict[str, Any]:
     """Of two solutions, or why it is not known."""
-    if isinstance(one, str) or isinstance(other, str):
-        words = "; ".join(x for x in (one, other) if isinstance(x, str))
-        return {"difference": np.nan, "rms": np.nan, "status": words}
-    found = compare(other, one, base.probes)
+    if bad := [str(solution.status) for solution in (one, other) if not solution.status.ok]:
+        return {"difference": np.nan, "rms": np.nan, "status": "; ".join(bad)}
+    found = compare(other, one, case.probes)
     return {"difference": found.largest, "rms": found.error, "status": "ok"}
 
 
@@ -149,13 +125,13 @@ def findings(pairs: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def run(options: Any, runner: Any) -> Result:
+def run(options: Options, runner: Runner) -> Result:
     """The study as `anctmm study agreement` runs it."""
     solvers = list(options.solvers or registry.names())
-    asked = {"element": options.element, "integrator": options.integrator}
+    asked: dict[str, Any] = {"element": options.element, "integrator": options.integrator}
     asked |= {"dt": options.steps[0]} if options.steps else {}
-    asked |= {"mesh": options.meshes[0][0]} if options.meshes else {}
-    pairs = agreement(options.quick, solvers, **asked)
+    asked |= {"mesh": options.meshes[0][:1]} if options.meshes else {}
+    pairs = agreement(options.quick, solvers, runner, **asked)
     square, sentences = matrix(pairs, solvers), findings(pairs)
     return Result(
         "agreement", "Do the solvers agree?",

@@ -12,13 +12,7 @@ LONGEST = 150
 
 
 def atomic_write(path: Path, content: str | bytes) -> None:
-    """Write a file so that a reader sees the old one or the whole new one.
-
-    Raises
-    ------
-    OutputError
-        Naming the file and the reason, if it cannot be written; the old one is then still there.
-    """
+    """Write a file so that a reader sees the old one or the whole new one; OutputError if it cannot be written."""
     data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -27,10 +21,8 @@ def atomic_write(path: Path, content: str | bytes) -> None:
         part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise OutputError(
-            f"file {str(path)!r} cannot be written ({error.strerror or error}); a directory that can be written "
-            f"and has room for {len(data)} bytes is needed"
-        ) from error
+        why = f"{error.strerror or error}; room for {len(data)} bytes is needed"
+        raise OutputError(f"file {str(path)!r} cannot be written ({why})") from error
 
 
 def file_name(text: str) -> str:
@@ -40,20 +32,13 @@ def file_name(text: str) -> str:
 
 
 def check_writable(directory: Path, option: str = "--out") -> None:
-    """Make a directory for results, and refuse one that cannot be written before any work.
-
-    Raises
-    ------
-    OutputError
-    """
+    """Make a directory for results; OutputError, before any work, if it cannot be written."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=directory).close()
     except OSError as error:
-        raise OutputError(
-            f"{option} is {str(directory)!r}, which cannot be written ({error.strerror or error}); a directory that "
-            f"can be written is needed"
-        ) from error
+        why = f"{error.strerror or error}; another directory is needed"
+        raise OutputError(f"{option} is {str(directory)!r}, which cannot be written ({why})") from error
 
 
 def store_directory() -> Path | None:

@@ -11,14 +11,14 @@ NEAR = 1.6
 
 def excess(rows: pd.DataFrame) -> pd.Series:
     """Cost of each row over that of the cheapest row of no larger error: 1 on the front; NaN without error or time."""
-    sound = _sound(rows).sort_values(["error_bound", "cpu_s"])
+    sound = rows[np.isfinite(rows["error_bound"]) & (rows["cpu_s"] > 0.0)]
+    sound = sound.sort_values(["error_bound", "cpu_s"])
     return (sound["cpu_s"] / sound["cpu_s"].cummin()).reindex(rows.index)
 
 
 def front(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows that no other beats in both error and cost, from the largest error to the smallest."""
-    sound = _sound(rows).sort_values(["cpu_s", "error_bound"])
-    return sound[sound["error_bound"] < sound["error_bound"].cummin().shift(fill_value=np.inf)]
+    return rows[excess(rows) == 1.0].sort_values(["cpu_s", "error_bound"])
 
 
 def cost_at(rows: pd.DataFrame, error: float) -> float:
@@ -48,7 +48,3 @@ def robust(errors: pd.Series, group: Sequence[Hashable], tightest: Sequence[bool
     tight = rows[np.asarray(tightest, dtype=bool)].groupby("group")["error"].max()
     least = rows["group"].map(tight)
     return rows["error"].mask(least > rows["error"], least)
-
-
-def _sound(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows[np.isfinite(rows["error_bound"]) & (rows["cpu_s"] > 0.0)]

@@ -21,6 +21,12 @@ from studies.engine.provenance import PACKAGES
 
 #: Directories of installed code, which versions identify.
 INSTALLED = tuple(Path(p).resolve() for p in {*sysconfig.get_paths().values(), sys.prefix, sys.base_prefix})
+#: Attributes that functions of all kinds, and their code, are made of.
+MADE_OF: dict[type, tuple[str, ...]] = {
+    partial: ("func", "args", "keywords"), MethodType: ("__self__", "__func__"), staticmethod: ("__func__",),
+    classmethod: ("__func__",), property: ("fget", "fset"),
+    CodeType: ("co_code", "co_consts", "co_names", "co_varnames"),
+}  # fmt: skip
 PLAIN = str | bytes | bool | int | float | complex | np.generic | None
 
 
@@ -51,32 +57,20 @@ def _parts(value: Any) -> Iterator[Any]:
             yield from value
         case set() | frozenset():
             yield from sorted(value, key=repr)
-        case partial():
-            yield from (value.func, value.args, value.keywords)
-        case MethodType():
-            yield from (value.__self__, value.__func__)
         case FunctionType():
             yield from _of_function(value)
-        case CodeType():
-            yield from (value.co_code, value.co_consts, value.co_names, value.co_varnames)
-        case staticmethod() | classmethod():
-            yield value.__func__
-        case property():
-            yield from (value.fget, value.fset)
+        case partial() | MethodType() | CodeType() | staticmethod() | classmethod() | property():
+            yield from (getattr(value, name) for name in MADE_OF[type(value)])
         case ModuleType():
-            yield from (value.__name__, _digest_of(value))
+            yield from (value.__name__, _digest(value.__name__))
         case type():
             yield from _of_class(value)
         case _:
             yield from _of_class(type(value))
-            yield from _state(value)
-
-
-def _state(value: Any) -> list[Any]:
-    """Data of an object."""
-    if is_dataclass(value):
-        return [(f.name, getattr(value, f.name)) for f in fields(value) if f.init]
-    return [vars(value) if hasattr(value, "__dict__") else cloudpickle.dumps(value)]
+            if is_dataclass(value):
+                yield from ((f.name, getattr(value, f.name)) for f in fields(value) if f.init)
+            else:
+                yield vars(value) if hasattr(value, "__dict__") else cloudpickle.dumps(value)
 
 
 def _of_class(kind: type) -> Iterator[Any]:
@@ -105,16 +99,12 @@ def _names(code: CodeType) -> set[str]:
 
 def _is_known(name: str) -> bool:
     """Whether code of a module is of this project or installed."""
-    if name.partition(".")[0] in (*PACKAGES, "builtins"):
-        return True
-    module = sys.modules.get(name)
-    return module is not None and name != "__main__" and not _digest_of(module)
+    loaded = name in sys.modules and name != "__main__"
+    return name.partition(".")[0] in (*PACKAGES, "builtins") or (loaded and not _digest(name))
 
 
-def _digest_of(module: ModuleType) -> str:
+def _digest(name: str) -> str:
     """Digest of the file of a user's module; nothing for one that is installed, built in or of this project."""
-    path = Path(getattr(module, "__file__", None) or "").resolve()
-    known = module.__name__.partition(".")[0] in PACKAGES or any(
-        path.is_relative_to(place) for place in INSTALLED
-    )
+    path = Path(getattr(sys.modules.get(name), "__file__", None) or "").resolve()
+    known = name.partition(".")[0] in PACKAGES or any(path.is_relative_to(place) for place in INSTALLED)
     return "" if known or not path.is_file() else hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,26 +1,46 @@
-"""Automatic meshes and steps of a case: the coarsest ones that fit it, and the longest stable explicit step."""
+"""Meshes and steps of a case: as numbers, the coarsest ones that fit it, and the longest stable explicit step."""
 
 from fractions import Fraction
 from math import ceil, inf, lcm
 from typing import Any
 
-import anctmm as at
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import KINDS
-from anctmm.errors import AnctmmError, StepError
+from anctmm.errors import AnctmmError
+from anctmm.integrators.stability import largest_step
+from anctmm.integrators.starting import started
 from anctmm.model.case import Case
 from anctmm.model.scene import Beam, Scene
-from studies.engine.trials import Mesh
+from anctmm.solve import system_of
 
+#: Elements of each beam in the scene's order, or one number for all.
+Mesh = tuple[int, ...]
 #: Elements of the longest beam on the coarsest mesh: of fourth order, and of others.
 COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
 #: Parts of a beam at most that joints between its ends are looked for in.
 MOST_PARTS = 64
 #: Steps of the coarsest run at least.
 FEWEST_STEPS = 50
-#: Part of the largest stable step that explicit runs take: deformation raises the highest frequency.
-MARGIN = 0.8
-#: Halvings of a step in search of a stable one, then of the interval that it lies in, to a per cent.
-MOST_HALVINGS, BISECTIONS = 60, 6
+
+
+class StudyError(AnctmmError, ValueError):
+    """A study or one of its options is unknown, or does not fit a case."""
+
+
+def mesh_label(mesh: Mesh) -> str:
+    """2/8/2 of (2, 8, 2)."""
+    return "/".join(map(str, mesh))
+
+
+def by_beam(scene: Scene, mesh: Mesh) -> int | dict[str, int]:
+    """A mesh as a discretisation takes it; StudyError if it fits neither all beams nor each."""
+    names = [beam.name for beam in scene.beams]
+    if len(mesh) == 1:
+        return mesh[0]
+    if len(mesh) != len(names):
+        needed = f"{' or '.join(dict.fromkeys(('1', str(len(names)))))} numbers, for {'/'.join(names)}"
+        raise StudyError(f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {needed}")
+    return dict(zip(names, mesh, strict=True))
 
 
 def parts_of(scene: Scene, beam: Beam) -> int:
@@ -57,36 +77,7 @@ def step_below(case: Case, limit: float) -> float:
     return case.interval / ceil(case.interval / limit * (1.0 - 1e-9))
 
 
-def stable_step(scene: Scene, mesh: Any, longest: float, **options: Any) -> float:
-    """Largest explicit step of ANC–TMM that it does not refuse as unstable, s, to a per cent.
-
-    Raises
-    ------
-    AnctmmError
-        If the scene has no explicit runs.
-    """
-
-    def is_stable(dt: float) -> bool:
-        try:
-            at.solve(scene, mesh=mesh, integrator="zhai", dt=dt, t_end=dt, output_dt=dt, **options)
-        except StepError:
-            return False
-        return True
-
-    if is_stable(longest):
-        return inf
-    halves = (longest / 2.0**k for k in range(1, MOST_HALVINGS))
-    below = next(filter(is_stable, halves), longest / 2.0**MOST_HALVINGS)
-    above = 2.0 * below
-    for _ in range(BISECTIONS):
-        middle = (above * below) ** 0.5
-        above, below = (above, middle) if is_stable(middle) else (middle, below)
-    return below
-
-
-def explicit_limit(case: Case, mesh: Any, **options: Any) -> float:
-    """A safe explicit step of a case, s; infinite where nothing vibrates, or where the solver itself must answer."""
-    try:
-        return MARGIN * stable_step(case.scene, mesh, case.interval, **options)
-    except AnctmmError:
-        return inf
+def stable_step(scene: Scene, mesh: Any, **options: Any) -> float:
+    """Largest stable explicit step of ANC–TMM about the undeformed scene, s; infinite where nothing vibrates."""
+    system = system_of(scene, Discretisation(mesh, integrator="zhai", dt=1.0, t_end=1.0, **options))
+    return largest_step(system, started(system).q)

@@ -9,14 +9,11 @@ import anctmm as at
 from anctmm.errors import UnknownKindError
 
 #: Of each kind of part of a scene its places and its vectors; all else is the same anywhere.
-PLACES: Mapping[type, tuple[str, ...]] = {
-    at.Beam: ("start", "end"), at.RigidBody: ("center", "points"), at.PointMass: ("position",), at.Pin: (),
-    at.Clamp: (), at.Weld: (), at.Slider: (), at.Prismatic: (), at.Force: (), at.LineLoad: (), at.Torque: (),
-    at.Spring: ("second",), at.RotationalSpring: (),
-}  # fmt: skip
-VECTORS: Mapping[type, tuple[str, ...]] = {
-    at.Beam: ("velocity",), at.RigidBody: ("velocity",), at.PointMass: ("velocity",), at.Slider: ("direction",),
-    at.Prismatic: ("direction",), at.Force: ("value",), at.LineLoad: ("value",),
+NUMBERS: Mapping[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    at.Beam: (("start", "end"), ("velocity",)), at.RigidBody: (("center", "points"), ("velocity",)),
+    at.PointMass: (("position",), ("velocity",)), at.Slider: ((), ("direction",)), at.Prismatic: ((), ("direction",)),
+    at.Force: ((), ("value",)), at.LineLoad: ((), ("value",)), at.Spring: (("second",), ()),
+    **dict.fromkeys((at.Pin, at.Clamp, at.Weld, at.Torque, at.RotationalSpring), ((), ())),
 }  # fmt: skip
 
 
@@ -45,13 +42,7 @@ class Change:
     turn: float = 0.0
 
     def scene(self, scene: at.Scene) -> at.Scene:
-        """The scene with these numbers.
-
-        Raises
-        ------
-        UnknownKindError
-            If it has a part of a user's own kind.
-        """
+        """The scene with these numbers; UnknownKindError if it has a part of a user's own kind."""
         parts: dict[str, Any] = {
             name: tuple(self._part(thing) for thing in getattr(scene, name))
             for name in ("bodies", "joints", "loads", "connectors")
@@ -59,12 +50,12 @@ class Change:
         return replace(scene, gravity=self._vector(scene.gravity), **parts)
 
     def _part(self, thing: Any) -> Any:
-        kind = type(thing)
-        if kind not in PLACES:
-            known = ", ".join(kind.__name__ for kind in PLACES)
+        if type(thing) not in NUMBERS:
+            known = ", ".join(kind.__name__ for kind in NUMBERS)
             raise UnknownKindError(f"{thing!r} is of a kind that is not known; known kinds: {known}")
-        changed = {name: self._place(getattr(thing, name)) for name in PLACES[kind]}
-        changed |= {name: self._vector(getattr(thing, name)) for name in VECTORS.get(kind, ())}
+        places, vectors = NUMBERS[type(thing)]
+        changed = {name: self._place(getattr(thing, name)) for name in places}
+        changed |= {name: self._vector(getattr(thing, name)) for name in vectors}
         return replace(thing, **changed) if changed else thing
 
     def _place(self, value: Any) -> Any:

@@ -5,7 +5,7 @@ import os
 import platform
 import subprocess
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 
 LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica", "opensees")
@@ -19,16 +19,20 @@ NAMED = "ANCTMM_MACHINE"
 @cache
 def machine() -> dict[str, str]:
     """Processor, cores, system and interpreter."""
+    file = Path("/proc/cpuinfo")
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
-        "processor": _processor(), "cores": str(os.cpu_count()),
-        "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
+        "processor": next(iter(models), platform.processor()) or "unknown processor",
+        "cores": str(os.cpu_count()), "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
     }  # fmt: skip
 
 
 @cache
 def versions() -> dict[str, str]:
     """Versions of the libraries that compute; "missing" where one is not installed."""
-    return {library: _version(library) for library in LIBRARIES}
+    return {name: next((d.version for d in distributions(name=name)), "missing") for name in LIBRARIES}
 
 
 @cache
@@ -68,20 +72,6 @@ def stamp() -> str:
     return f"commit {commit()}, {m['processor']}, {m['cores']} cores, {m['system']}, {software()}"
 
 
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return "missing"
-
-
 def _git(*words: str) -> str:
     done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, timeout=30)
     return done.stdout.strip()
-
-
-def _processor() -> str:
-    file = Path("/proc/cpuinfo")
-    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or "unknown processor"

@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 
 #: Factor of Richardson's estimate, and of a difference where the order is not that of theory, to so much.
 SAFETY, UNSURE, NEAR = 1.5, 2.0, 0.7
-#: Orders that are looked for where levels are not evenly spaced; order of a single number that is believed at most.
-LOWEST, HIGHEST, BELIEVED = 0.01, 30.0, 2.0
+#: Orders that are looked for; order of a single number that is believed at most.
+LOWEST, HIGHEST, BELIEVED = -30.0, 30.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,9 @@ class Spacing:
 
     def order(self, ratio: float) -> float:
         """The order that gives a ratio of two differences; NaN without one."""
-        if not 0.0 < ratio < inf:
+        if not self.ratio(LOWEST) < ratio < self.ratio(HIGHEST):
             return nan
-        if abs(self.last / self.before - 1.0) < 1e-9:
-            return log(ratio) / log(self.last)
-        if not self.ratio(LOWEST) <= ratio <= self.ratio(HIGHEST):
-            return nan
-        return float(brentq(lambda p: log(self.ratio(p) / ratio), LOWEST, HIGHEST))
+        return float(brentq(lambda p: log(self.ratio(p or 1e-9) / ratio), LOWEST, HIGHEST))
 
 
 @dataclass(frozen=True)

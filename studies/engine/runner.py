@@ -1,7 +1,7 @@
 """Runs of trials: joblib stores each when it is done, and does them in other processes where workers are given."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from anctmm.solvers.registry import Solver
 from studies.engine import provenance
 from studies.engine.identity import identity
 from studies.engine.timing import in_turn, settled
-from studies.engine.trials import Trial, guarded, solved
+from studies.engine.trials import Trial, solved
 
 #: Packages whose code computes a run.
 COMPUTING = ("anctmm", "reference")
@@ -49,9 +49,8 @@ class Runner:
 
     def __post_init__(self) -> None:
         if self.workers > 1 and self.cluster:
-            raise SweepError(
-                f"--workers is {self.workers} beside --cluster {self.cluster!r}; one of them is allowed"
-            )
+            both = f"--workers is {self.workers} beside --cluster {self.cluster!r}"
+            raise SweepError(f"{both}; one of them is allowed")
         self._origins = dict(registry.origins())
         self._remembered = joblib.Memory(self.store, verbose=0).cache(remembered, ignore=["compute"])
 
@@ -60,28 +59,18 @@ class Runner:
         return self.solve_many([trial])[0]
 
     def solve_many(self, trials: Iterable[Trial]) -> list[Solution]:
-        """Solutions of trials, in their order; equal ones are computed once, stored ones not at all.
-
-        Raises
-        ------
-        SweepError
-            If the cluster cannot be reached.
-        """
+        """Solutions of trials, in their order; equal ones are computed once, stored ones not at all."""
         trials = list(trials)
-        keys = [self.key(trial) for trial in trials]
-        names = [key or f"trial {k}" for k, key in enumerate(keys)]  # what has no identity is not stored
-        first: dict[str, Trial] = {}
-        for name, trial in zip(names, trials, strict=True):
-            first.setdefault(name, trial)
-        missing = [name for name in first if not self._remembered.check_call_in_cache(name, None)]
-        found = {}
-        for name, solution in zip(missing, self._computed([first[n] for n in missing]), strict=True):
-            found[name] = solution
-            if name in keys:
-                self._stored(name, partial(replace, solution))
-        for name in first.keys() - found.keys():  # joblib computes that of a damaged file anew
-            found[name] = self._stored(name, partial(solved, first[name], self.resolve))
-        return [replace(found[name], scene=trial.scene) for name, trial in zip(names, trials, strict=True)]
+        keys = [self.key(trial) or k for k, trial in enumerate(trials)]  # what has no identity is not stored
+        first = dict(zip(reversed(keys), reversed(trials), strict=True))
+        missing = [key for key in dict.fromkeys(keys) if not self._remembered.check_call_in_cache(key, None)]
+        found: dict[str | int, Solution] = {}
+        for key, solution in zip(missing, self._computed([first[key] for key in missing]), strict=True):
+            found[key] = solution
+            self._stored(key, partial(replace, solution))
+        for key in first.keys() - found.keys():  # joblib computes that of a damaged file anew
+            found[key] = self._stored(key, partial(solved, first[key], self.resolve))
+        return [replace(found[key], scene=trial.scene) for key, trial in zip(keys, trials, strict=True)]
 
     def key(self, trial: Trial) -> str:
         """Identity of a run: its scene, setting, solver, versions and sources; empty where there is none."""
@@ -98,32 +87,27 @@ class Runner:
         The one loop that measures times. Of a run below 0.1 s the second call in a row is timed.
         """
         keys = [self.key(trial) for trial in trials]
-        if not all(keys):
-            return self._timed(trials)
-        machine = f"{provenance.name()}, {provenance.stamp()}"
-        key = identity((keys, ROUNDS[self.quick], machine))
-        return self._stored(key, lambda: self._timed(trials))  # type: ignore[no-any-return]
+        about = ROUNDS[self.quick], provenance.name(), provenance.stamp()
+        return self._stored(identity((keys, about)) if all(keys) else 0, lambda: self._timed(trials))  # type: ignore[no-any-return]
 
     def _timed(self, trials: Sequence[Trial]) -> list[list[Cost]]:
         rounds, done = ROUNDS[self.quick], 0
 
-        def sample(trial: Trial, solver: Solver) -> Cost:
+        def sample(trial: Trial) -> Cost:
             nonlocal done
             done += 1
             self.show(f"{self.heading}times in turn: {trial.label}", done, rounds * len(trials))
-            return settled(lambda: guarded(trial, lambda: trial.solve(solver)).cost)
+            solver = self.resolve(trial.solver)
+            return settled(lambda: trial.solve(solver).cost)
 
-        def warm(trial: Trial, solver: Solver) -> None:
-            with suppress(AnctmmError):
-                trial.warm_up(solver)
+        for trial in trials:
+            trial.warm_up(self.resolve(trial.solver))
+        return list(in_turn({k: partial(sample, trial) for k, trial in enumerate(trials)}, rounds).values())
 
-        pairs = {str(k): (trial, self.resolve(trial.solver)) for k, trial in enumerate(trials)}
-        calls = {k: lambda pair=pair: sample(*pair) for k, pair in pairs.items()}  # type: ignore[misc]
-        begin = {k: lambda pair=pair: warm(*pair) for k, pair in pairs.items()}  # type: ignore[misc]
-        return list(in_turn(calls, rounds, begin).values())
-
-    def _stored(self, key: str, compute: Callable[[], Any]) -> Any:
-        """What is stored, or else is computed and then stored."""
+    def _stored(self, key: str | int, compute: Callable[[], Any]) -> Any:
+        """What is stored, or else is computed and then stored; without an identity it is computed."""
+        if not isinstance(key, str):
+            return compute()
         return cloudpickle.loads(self._remembered(key, lambda: cloudpickle.dumps(compute())))
 
     def _computed(self, trials: Sequence[Trial]) -> Iterator[Solution]:
@@ -139,22 +123,17 @@ class Runner:
                 yield solution
                 self.show(f"{self.heading}{trials[min(k, len(trials) - 1)].label}", k, len(trials))
 
-    @contextmanager
-    def _backend(self) -> Iterator[None]:
+    def _backend(self) -> AbstractContextManager[Any]:
         """Where joblib runs: this process, others of this machine, or a cluster."""
         if self.cluster:
-            with _client(self.cluster), joblib.parallel_config(backend="dask"):
-                yield
-        elif self.workers > 1:
-            with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
-                yield
-        else:
-            yield
+            return _dask(self.cluster)
+        alone = self.workers == 1
+        return nullcontext() if alone else joblib.parallel_config(backend="loky", inner_max_num_threads=1)
 
 
 @contextmanager
-def _client(address: str) -> Iterator[None]:
-    """A client of a dask scheduler."""
+def _dask(address: str) -> Iterator[None]:
+    """The cluster of a dask scheduler."""
     try:
         from distributed import Client
 
@@ -164,5 +143,5 @@ def _client(address: str) -> Iterator[None]:
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise SweepError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
-    with client:
+    with client, joblib.parallel_config(backend="dask"):
         yield

@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 
-from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.model.scene import Scene
 from studies.engine.files import file_name
+from studies.engine.meshes import Mesh, StudyError, by_beam
 from studies.engine.runner import Runner
 from studies.engine.tables import Table
-from studies.engine.trials import Mesh, mesh_label
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
@@ -26,19 +24,14 @@ TYPED = {
     "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
     "integrator": "--integrator", "error": "--error",
 }  # fmt: skip
-RANGES = ("meshes", "steps", "solvers")
 TAKEN = {
-    "convergence": ("cases", "element", "integrator", "error", *RANGES),
-    "trade": ("cases", "error", "element", "integrator", *RANGES),
-    "agreement": ("element", "integrator", *RANGES),
+    "convergence": tuple(TYPED),
+    "trade": tuple(TYPED),
+    "agreement": ("element", "integrator", "meshes", "steps", "solvers"),
     "fidelity": ("cases", "error"),
     "extremes": ("cases",),
     "published": (),
 }
-
-
-class StudyError(AnctmmError, ValueError):
-    """A study or one of its options is unknown, or does not fit a case."""
 
 
 @dataclass(frozen=True)
@@ -101,20 +94,12 @@ class Result:
 
 
 def check_taken(options: Options, study: str) -> None:
-    """Refuse options that a study does not use, and cases whose files would have one name.
-
-    Raises
-    ------
-    StudyError
-        If there is no such study; naming the option, and the studies with that option; or the cases.
-    """
+    """Refuse by a StudyError what a study does not use, a study that is unknown, and cases with files of one name."""
     find(study)
     names = [case.name for case in options.cases or ()]
     if len({file_name(name) for name in names}) < len(names):
-        raise StudyError(
-            f"scenes {', '.join(map(repr, names))} would have files of one name; names that differ in letters, digits "
-            f"or _ . + - are needed"
-        )
+        every = ", ".join(map(repr, names))
+        raise StudyError(f"scenes {every} would have files of one name; other letters or digits are needed")
     for name, typed in TYPED.items():
         if name not in TAKEN[study] and getattr(options, name) is not None:
             takers = ", ".join(other for other, taken in TAKEN.items() if name in taken)
@@ -122,45 +107,19 @@ def check_taken(options: Options, study: str) -> None:
 
 
 def check_fits(options: Options, case: Case) -> None:
-    """Refuse options that do nothing for a case, and meshes that fit neither all of its beams nor each.
-
-    Raises
-    ------
-    StudyError
-    """
-    useless: tuple[str, ...] = () if case.scene.beams else ("meshes", "element")
-    useless += ("steps", "integrator") if case.static else ()
-    for name in useless:
+    """Refuse by a StudyError what does nothing for a case, and meshes that fit neither all of its beams nor each."""
+    still, bare = "is a static equilibrium, which has no step", "has no beams"
+    useless = {"meshes": bare, "element": bare} if not case.scene.beams else {}
+    useless |= {"steps": still, "integrator": still} if case.static else {}
+    for name, kind in useless.items():
         if getattr(options, name):
-            kind = (
-                "is a static equilibrium, which has no step"
-                if name in ("steps", "integrator")
-                else "has no beams"
-            )
             raise StudyError(f"{TYPED[name]} is given, and scene {case.name!r} {kind}: leave it out")
     for mesh in options.meshes or ():
-        check_mesh(case.scene, mesh)
-
-
-def check_mesh(scene: Scene, mesh: Mesh) -> None:
-    """Refuse a mesh that fits neither all beams nor each."""
-    names = [body.name for body in scene.beams]
-    if len(mesh) not in (1, len(names)):
-        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
-        raise StudyError(
-            f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {allowed} numbers, "
-            f"for {'/'.join(names)}"
-        )
+        by_beam(case.scene, mesh)
 
 
 def find(name: str) -> Callable[[Options, Runner], Result]:
-    """The `run` of a study.
-
-    Raises
-    ------
-    StudyError
-        If there is no such study.
-    """
+    """The `run` of a study; StudyError if there is no such study."""
     if name not in STUDIES:
         raise StudyError(f"study {name!r} is unknown; allowed are {', '.join(STUDIES)}")
     return import_module(STUDIES[name][0]).run  # type: ignore[no-any-return]

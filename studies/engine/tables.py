@@ -1,9 +1,9 @@
 """Tables: tidy frames as CSV, Markdown and on a terminal, and cells for people."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import isnan, nan
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +18,9 @@ from rich.text import Text
 from studies.engine import provenance
 from studies.engine.files import atomic_write
 
-BUILD = (
-    "build_s: CPU time of a call beside its steps: building the system before them, the answer and its checks after "
-    "them; whole_s: steps and that. Compilation is excluded."
-)
+BUILD = "build_s: CPU time of a call beside its steps; whole_s: steps and that. Compilation is excluded."
 #: Longer tables are for programs: in their CSV file only.
 MOST_ROWS = 500
-#: Errors, and the columns with the uncertainty of their reference.
-KNOWN_TO = {
-    "error": "reference_error", "error_bound": "reference_error", "mesh_error": "reference_error",
-    "step_error": "step_reference_error",
-}  # fmt: skip
-BELOW = "An error below the uncertainty of its reference is shown as below that: < 0.0002. CSV files have the number."
 #: Columns that only files have; and those that a setting in words, in the same table, already has.
 HIDDEN = {"case", "asked", "own", "kind", "repeats", "cpu_spread", "in_turn", "excess"}
 IN_SETTING = {
@@ -60,20 +51,9 @@ def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]
 
 
-def times(ratio: float) -> str:
-    """A ratio in a sentence: two digits, and no power of ten."""
-    return f"{ratio:.2g}" if ratio < 99.5 else f"{ratio:.0f}"
-
-
 def milliseconds(cpu_s: float) -> str:
     """A time in words."""
     return f"{1e3 * cpu_s:.2g} ms" if cpu_s < 0.0995 else f"{cpu_s:.2g} s"
-
-
-def error_text(line: Mapping[Any, Any], name: str = "error", form: str = ".2g") -> str:
-    """An error of a row in words; where it is below the uncertainty of its reference, that it is below that."""
-    error, known = line[name], line.get(KNOWN_TO[name], nan)
-    return f"< {known:{form}}" if 0.0 < error < known else f"{error:{form}}"
 
 
 def label(column: object) -> str:
@@ -90,36 +70,20 @@ def cell(value: Any, form: str = ".3g") -> str:
     return f"{value:.0f}" if value.is_integer() and abs(value) < 1e6 else f"{value:{form}}"
 
 
-def for_people(frame: pd.DataFrame) -> pd.DataFrame:
-    """A frame whose errors are shown as below the uncertainty of their reference, where they are."""
-    shown = frame.copy()
-    for name, known in KNOWN_TO.items():
-        if {name, known} <= set(frame.columns):
-            pairs = zip(frame[name], frame[known], strict=True)
-            shown[name] = [f"< {sure:.2g}" if 0.0 < error < sure else error for error, sure in pairs]
-    return shown
-
-
 def readable(frame: pd.DataFrame, hidden: Iterable[str] = ()) -> pd.DataFrame:
     """The columns of a frame that people read, those without a value left out."""
     without = {*HIDDEN, *hidden, *(IN_SETTING if "setting" in frame else ())}
-    return for_people(frame).drop(columns=list(without), errors="ignore").dropna(axis="columns", how="all")
+    return frame.drop(columns=list(without), errors="ignore").dropna(axis="columns", how="all")
 
 
 def markdown(table: Table) -> str:
     """The table with its title, its notes, the commit and the machine."""
-    cells = for_people(table.frame).map(lambda value: cell(value, ".5g").replace("|", "\\|"))
+    cells = table.frame.map(lambda value: cell(value, ".5g").replace("|", "\\|"))
     rule = ["---:" if is_numeric_dtype(t) else "---" for t in table.frame.dtypes]
     rows = [list(map(str, cells.columns)), rule, *cells.to_numpy().tolist()]
-    head = [
-        f"# {table.title}",
-        "",
-        f"Computed by {provenance.stamp()}.",
-        "",
-        *(f"- {n}" for n in table.notes),
-        "",
-    ]
-    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows), ""])
+    notes = "".join(f"- {note}\n" for note in table.notes)
+    head = f"# {table.title}\n\nComputed by {provenance.stamp()}.\n\n{notes}\n"
+    return head + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def write_table(table: Table, folder: Path, readable: bool = True) -> None:
@@ -131,9 +95,8 @@ def write_table(table: Table, folder: Path, readable: bool = True) -> None:
 
 def write_machine(folder: Path) -> None:
     """Commit, machine and versions beside the CSV files, which have no room for them."""
-    facts = {
-        "commit": provenance.commit(), "machine": provenance.machine(), "versions": provenance.versions(),
-    }  # fmt: skip
+    names = "commit", "machine", "versions"
+    facts = {name: getattr(provenance, name)() for name in names}
     atomic_write(folder / "machine.json", json.dumps(facts, indent=2) + "\n")
 
 

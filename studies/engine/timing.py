@@ -4,7 +4,6 @@ import gc
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from time import perf_counter
 from typing import TypeVar
 
@@ -14,20 +13,11 @@ from threadpoolctl import threadpool_limits
 from anctmm.results.solution import Cost
 
 Sample = TypeVar("Sample")
+Key = TypeVar("Key")
 
 #: s; of a call that takes less, the second one in a row is timed: the first one of a setting has preparations of 1 to
 #: 2 ms, as much as the steps of a short run.
 SHORT = 0.1
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Summary of repeated measurements."""
-
-    cpu_s: float  # of the steps, s
-    cpu_spread: float  # (largest − smallest) / cpu_s; NaN for one sample
-    build_s: float  # of the calls beside their steps, s; NaN where a solver does not give it
-    repeats: int
 
 
 @contextmanager
@@ -57,11 +47,15 @@ def pinned() -> Iterator[None]:
         os.sched_setaffinity(0, allowed)
 
 
-def least(costs: Sequence[Cost]) -> Timing:
-    """The least of the samples of runs that are compared in turn: no disturbance makes a run faster than it is."""
+def least(costs: Sequence[Cost]) -> dict[str, float]:
+    """The least of the samples of runs that are compared in turn: no disturbance makes a run faster than it is.
+
+    cpu_s, build_s (NaN where a solver does not give it); cpu_spread: (largest − smallest) / cpu_s, NaN of one sample.
+    """
     cpu = np.array([cost.cpu_s for cost in costs])
     spread = float(np.ptp(cpu) / cpu.min()) if cpu.size > 1 and cpu.min() > 0.0 else float("nan")
-    return Timing(float(cpu.min()), spread, float(np.min([c.build_s for c in costs])), len(cpu))
+    build = float(np.min([cost.build_s for cost in costs]))
+    return {"cpu_s": float(cpu.min()), "cpu_spread": spread, "build_s": build, "repeats": len(cpu)}
 
 
 def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
@@ -71,18 +65,11 @@ def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
     return call() if perf_counter() - began < short else found
 
 
-def in_turn(
-    calls: Mapping[str, Callable[[], Sample]],
-    rounds: int,
-    warm: Mapping[str, Callable[[], object]] | None = None,
-) -> dict[str, list[Sample]]:
-    """Call several contestants in turn, on one core, after one unmeasured round: all meet the same disturbances."""
-    found: dict[str, list[Sample]] = {name: [] for name in calls}
-    with undisturbed():
-        for begin in (calls if warm is None else warm).values():  # what compiles may use every core
-            begin()
-        with pinned():
-            for _ in range(rounds):
-                for name, call in calls.items():
-                    found[name].append(call())
+def in_turn(calls: Mapping[Key, Callable[[], Sample]], rounds: int) -> dict[Key, list[Sample]]:
+    """Call several contestants, which are warmed up, in turn on one core: all meet the same disturbances."""
+    found: dict[Key, list[Sample]] = {name: [] for name in calls}
+    with undisturbed(), pinned():
+        for _ in range(rounds):
+            for name, call in calls.items():
+                found[name].append(call())
     return found

@@ -2,24 +2,32 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from math import inf, nan
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, SolverError, shown
+from anctmm.errors import AnctmmError, SolverError, UnsupportedError, shown
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.ended_early import nothing
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
+from anctmm.solvers.capabilities import Offer
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver, static_of
+from studies.engine.meshes import Mesh, by_beam, mesh_label, stable_step
 from studies.engine.timing import settled, undisturbed
 
-STATIC = "static"
+#: The solver whose runs choose meshes and steps; integrators of equilibria, and of explicit and implicit steps.
+OURS = "anctmm"
+STATIC, EXPLICIT, IMPLICIT = "static", "zhai", "generalized-alpha"
+#: Steps of a motion that an equilibrium counts as.
+STATIC_STEPS = 100.0
+#: Part of the largest stable step that explicit runs take: deformation raises the highest frequency.
+MARGIN = 0.8
 #: Elements of a scene without beams in tables.
 NO_BEAMS = "-"
-Mesh = tuple[int, ...]
 Given = tuple[tuple[str, Any], ...]
 #: Options that a discretisation takes; others are keyword arguments of one solver.
 SHARED = {field.name for field in fields(Discretisation) if field.init}
@@ -33,23 +41,20 @@ class Trial:
 
     scene: Scene
     solver: str
-    mesh: Mesh  # elements of each beam in the scene's order, or one number for all
+    mesh: Mesh
     element: Any = "cable"
     quadrature: str = "full"
-    integrator: str = "generalized-alpha"  # "static" for the static equilibrium
-    dt: float = float("nan")  # s
+    integrator: str = IMPLICIT  # "static" for the static equilibrium
+    dt: float = nan  # s
     t_end: float = 0.0  # s
     output_dt: float = 0.0  # s
     options: Given = ()  # of discretisation (a `tolerance` in the place of `dt`), statics, and of this solver alone
 
     @classmethod
-    def of(cls, case: Case, solver: str, mesh: Mesh, **setting: Any) -> "Trial":
+    def of(cls, case: Case, solver: str = OURS, mesh: Mesh = (1,), **setting: Any) -> "Trial":
         """A run of a case over its whole duration."""
-        integrator = setting.pop("integrator", cls.integrator)
-        return cls(
-            case.scene, solver, mesh, integrator=STATIC if case.static else integrator, t_end=case.duration,
-            output_dt=case.interval, **setting,
-        )  # fmt: skip
+        setting |= {"integrator": STATIC} if case.static else {}
+        return cls(case.scene, solver, mesh, t_end=case.duration, output_dt=case.interval, **setting)
 
     @property
     def cut(self) -> str:
@@ -57,17 +62,16 @@ class Trial:
         return mesh_label(self.mesh) if self.scene.beams else NO_BEAMS
 
     @property
-    def by_body(self) -> int | dict[str, int]:
+    def by_beam(self) -> int | dict[str, int]:
         """The mesh as the discretisation takes it."""
-        if len(self.mesh) == 1:
-            return self.mesh[0]
-        names = [body.name for body in self.scene.beams]
-        if len(names) != len(self.mesh):
-            raise SolverError(
-                f"mesh {mesh_label(self.mesh)} has {len(self.mesh)} numbers; scene {self.scene.name!r} needs "
-                f"1 or {len(names)}, for {'/'.join(names)}"
-            )
-        return dict(zip(names, self.mesh, strict=True))
+        return by_beam(self.scene, self.mesh)
+
+    @property
+    def used(self) -> str:
+        """The element that the solver uses for the one asked for, or all of them."""
+        if isinstance(self.element, str):
+            return offer_of(self.solver).element_of(self.element)
+        return "/".join(dict.fromkeys(self.element.values()))
 
     @property
     def error_controlled(self) -> bool:
@@ -75,9 +79,9 @@ class Trial:
         return "tolerance" in dict(self.options)
 
     @property
-    def step(self) -> float:
-        """The step, s, or the interval of output where a tolerance controls it."""
-        return self.output_dt if self.error_controlled else self.dt
+    def work(self) -> float:
+        """A rough measure of how long it takes: elements times steps (or outputs, where a tolerance controls steps)."""
+        return self.elements * (max(self.t_end / self._step, 1.0) if self.t_end else STATIC_STEPS)
 
     @property
     def elements(self) -> int:
@@ -85,39 +89,37 @@ class Trial:
         return max(sum(self.mesh) * (len(self.scene.beams) if len(self.mesh) == 1 else 1), 1)
 
     @property
-    def work(self) -> float:
-        """A rough measure of how long it takes: elements times steps."""
-        return self.elements * (max(self.t_end / self.step, 1.0) if self.t_end else 1.0)
-
-    @property
     def label(self) -> str:
-        """The run in a few words, for progress."""
-        kinds = [self.element] if isinstance(self.element, str) else dict.fromkeys(self.element.values())
-        mesh = f" {self.cut} {'/'.join(kinds)}" if self.scene.beams else ""
-        return f"{self.scene.name}: {self.solver}{mesh} {self.integrator}"
+        """The run in a few words."""
+        mesh = f" {self.cut} {self.used}" if self.scene.beams else ""
+        return f"{self.solver} {self.integrator}{mesh}" + (f" dt={self.dt:.4g}" if self.dt > 0.0 else "")
 
     @property
-    def own(self) -> Given:
-        """Options that only this solver has."""
-        return tuple((name, value) for name, value in self.options if name not in SHARED)
+    def _step(self) -> float:
+        return self.output_dt if self.error_controlled else self.dt
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the discretisation of a motion."""
+        step = {} if self.error_controlled else {"dt": self.dt}
+        return {
+            "mesh": self.by_beam, "element": self.element, "quadrature": self.quadrature,
+            "integrator": self.integrator, **step, "t_end": self.t_end, "output_dt": self.output_dt,
+            **{name: value for name, value in self.options if name in SHARED},
+        }  # fmt: skip
 
     def run(self) -> Discretisation:
         """The discretisation of a motion; raises what Discretisation raises."""
-        given: dict[str, Any] = {name: value for name, value in self.options if name in SHARED}
-        if not self.error_controlled:
-            given["dt"] = self.dt
-        return Discretisation(
-            mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
-            t_end=self.t_end, output_dt=self.output_dt, **given,
-        )  # fmt: skip
+        return Discretisation(**self.arguments)
 
     def solve(self, solver: Solver) -> Solution:
         """Run it with a solver."""
         if self.integrator != STATIC:
-            solution = solver(self.scene, self.run(), **dict(self.own))
+            own = {name: value for name, value in self.options if name not in SHARED}
+            solution = solver(self.scene, self.run(), **own)
         else:
             solution = static_of(self.solver, solver)(
-                self.scene, mesh=self.by_body, element=self.element, quadrature=self.quadrature, **dict(self.options)
+                self.scene, mesh=self.by_beam, element=self.element, quadrature=self.quadrature, **dict(self.options)
             )  # fmt: skip
         if not isinstance(solution, Solution):
             raise SolverError(f"solver {self.solver!r} answered {shown(solution)}; a Solution is needed")
@@ -125,14 +127,29 @@ class Trial:
 
     def warm_up(self, solver: Solver) -> None:
         """Compile and load what the run needs, by two steps (or the statics)."""
-        about = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator
-        kind = (*about, self.own, self.error_controlled)
+        step, names = self._step, tuple(name for name, _ in self.options)
+        short = self if self.integrator == STATIC else replace(self, t_end=2 * step, output_dt=step)
+        kind = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator, names
         if kind not in _warm:
-            steps: dict[str, Any] = (
-                {} if self.integrator == STATIC else {"t_end": 2 * self.step, "output_dt": self.step}
-            )
-            replace(self, **steps).solve(solver)
+            short.solve(solver)
             _warm.add(kind)
+
+
+def offer_of(solver: str) -> Offer:
+    """Capabilities of a solver; everything of one that cannot be loaded, whose rows say why."""
+    try:
+        return registry.offer_of(registry.load(solver))
+    except AnctmmError:
+        return Offer()
+
+
+def explicit_limit(trial: Trial) -> float:
+    """A safe explicit step on the mesh of a run, s; infinite where none is too long, or the solver must answer."""
+    try:
+        limit = stable_step(trial.scene, trial.by_beam, element=trial.element, quadrature=trial.quadrature)
+    except AnctmmError:
+        return inf
+    return MARGIN * limit if limit < trial.output_dt else inf
 
 
 def solved(trial: Trial, resolve: Callable[[str], Solver] = registry.solver) -> Solution:
@@ -140,23 +157,14 @@ def solved(trial: Trial, resolve: Callable[[str], Solver] = registry.solver) -> 
 
     Whatever fails is a solution with that status.
     """
-
-    def solve() -> Solution:
-        solver = resolve(trial.solver)
-        with undisturbed():
+    try:
+        with contained(), undisturbed():
+            solver = resolve(trial.solver)
             trial.warm_up(solver)
             return settled(lambda: trial.solve(solver))
-
-    return guarded(trial, solve)
-
-
-def guarded(trial: Trial, solve: Callable[[], Solution]) -> Solution:
-    """Answer of `solve`; whatever it raises becomes a solution with that status."""
-    try:
-        with contained():
-            return solve()
     except AnctmmError as error:
-        status = Status("refused", " ".join(str(error).split()))
+        code = "unsupported" if isinstance(error, UnsupportedError) else "refused"
+        status = Status(code, " ".join(str(error).split()))
     except Exception as error:  # one broken solver must not end a study
         status = Status("failed", f"{type(error).__name__}: {' '.join(str(error).split())}")
     return nothing(trial.solver, trial.scene, None, status)
@@ -165,8 +173,3 @@ def guarded(trial: Trial, solve: Callable[[], Solution]) -> Solution:
 def not_installed(status: Status) -> bool:
     """Whether a solver did nothing since what it needs is not installed."""
     return status.code == "unsupported" and "not installed" in status.message
-
-
-def mesh_label(mesh: Mesh) -> str:
-    """2/8/2 of (2, 8, 2)."""
-    return "/".join(map(str, mesh))

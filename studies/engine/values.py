@@ -14,7 +14,7 @@ from anctmm.model.case import Case
 from anctmm.model.joints import Clamp, Joint, Prismatic, Weld
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass
-from anctmm.results.metrics import EPS, ROUNDINGS
+from anctmm.results.metrics import EPS, ROUNDINGS, Array
 from anctmm.results.solution import Solution
 from studies.cases import place_name
 from studies.engine.refinement import MESH, STEP, Refined
@@ -27,10 +27,7 @@ ROUNDING = ROUNDINGS * EPS
 #: Digits that are written at most.
 MOST_DIGITS = 12
 AT_OUTPUTS = "at the outputs"
-OUTPUTS_NOTE = (
-    f"{AT_OUTPUTS}: between two of them it may be larger, by more than the uncertainty; a smaller output_dt of the "
-    "case shows it."
-)
+OUTPUTS_NOTE = f"{AT_OUTPUTS}: between them it may be larger; a smaller output_dt of the case shows it."
 
 
 @dataclass(frozen=True)
@@ -49,9 +46,8 @@ class Value:
         """The value to the first digit of its uncertainty, with that and the unit."""
         if not isfinite(self.uncertainty):
             return f"{self.value:.6g} {self.unit}"
-        about = f"{self.uncertainty:.1g}"
-        if 10.0 <= self.uncertainty < 1e6:  # no power of ten where the number is as short
-            about = f"{float(about):.0f}"
+        plain = 10.0 <= self.uncertainty < 1e6  # no power of ten where the number is as short
+        about = f"{float(f'{self.uncertainty:.1g}'):.0f}" if plain else f"{self.uncertainty:.1g}"
         return f"{rounded(self.value, self.uncertainty)} ± {about} {self.unit}"
 
 
@@ -73,20 +69,17 @@ def rounded(value: float, uncertainty: float) -> str:
 
 def at_probes(solution: Solution, case: Case) -> Iterator[Value]:
     """For each probe its place and its angle at the end, and its largest displacement."""
-    if not len(solution.t):
-        return
-    when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
-    for probe in case.probes:
+    when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s" if len(solution.t) else ""
+    for probe in case.probes if when else ():
         path, name = solution.position(probe), place_name(probe)
         moved = float(np.linalg.norm(path - path[0], axis=1).max())
         least = ROUNDING * max(case.scene.length, float(np.abs(path).max()))
         ends = (f"x {when}", path[-1, 0]), (f"y {when}", path[-1, 1]), (_largest("displacement", case), moved)
         yield from (Value(name, what, "m", float(value), least, moved) for what, value in ends)
-        if isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
-            continue
         with suppress(ResultError):  # not every solver gives angles
             angle = solution.angle(probe)
-            yield Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING, float(np.abs(angle).max()))
+            if not isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
+                yield Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING, _size(angle))
 
 
 def at_joints(solution: Solution, case: Case) -> Iterator[Value]:
@@ -96,15 +89,13 @@ def at_joints(solution: Solution, case: Case) -> Iterator[Value]:
     determine, is left out.
     """
     every = list(_series(solution, case)) if len(solution.t) else []
-    largest = {"N": 0.0, "N m": 0.0}
-    for _, _, unit, values in every:
-        largest[unit] = max(largest[unit], float(np.abs(values).max()))
-    largest["N m"] = max(largest["N m"], largest["N"] * case.scene.length)
-    for name, what, unit, values in every:
-        k = len(values) - 1 if case.static else int(np.abs(values).argmax())
+    force = max((_size(h) for *_, unit, h in every if unit == "N"), default=0.0)
+    moment = max((_size(h) for *_, unit, h in every if unit != "N"), default=0.0)
+    rounding = {"N": ROUNDING * force, "N m": ROUNDING * max(moment, force * case.scene.length)}
+    for name, what, unit, history in every:
+        k = len(history) - 1 if case.static else int(np.abs(history).argmax())
         when = f"{what} at rest" if case.static else f"{_largest(what, case)}, at {solution.t[k]:.3g} s"
-        least, size = ROUNDING * largest[unit], float(np.abs(values).max())
-        yield Value(name, when, unit, float(values[k]), least, size)
+        yield Value(name, when, unit, float(history[k]), rounding[unit], _size(history))
 
 
 def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
@@ -119,23 +110,15 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
         return [[value.value for value in read(run, case)] for run in complete]
 
     refined = (numbers(MESH), found.mesh), (numbers(STEP), found.step)
-    values = []
-    for k, value in enumerate(own):
-        apart = sum(left_in([run[k] for run in runs], part) for runs, part in refined)
-        least = max(SHARE * found.error * value.size, value.uncertainty)
-        values.append(replace(value, uncertainty=max(apart, least)))
-    return values
+    left = [sum(left_in([run[k] for run in runs], part) for runs, part in refined) for k in range(len(own))]
+    least = [max(SHARE * found.error * value.size, value.uncertainty) for value in own]
+    return [replace(v, uncertainty=max(u, e)) for v, u, e in zip(own, left, least, strict=True)]
 
 
 def rows_of(values: Sequence[Value], place: str = "probe") -> list[dict[str, Any]]:
     """A row a value, with its digits in words."""
-    return [
-        {
-            place: v.probe, "quantity": v.quantity, "value": v.value, "uncertainty": v.uncertainty, "unit": v.unit,
-            "digits": v.text,
-        }
-        for v in values
-    ]  # fmt: skip
+    names = "quantity", "value", "uncertainty", "unit"
+    return [{place: v.probe, **{n: getattr(v, n) for n in names}, "digits": v.text} for v in values]
 
 
 def _largest(what: str, case: Case) -> str:
@@ -143,7 +126,11 @@ def _largest(what: str, case: Case) -> str:
     return f"largest {what}" if case.static else f"largest {what} {AT_OUTPUTS}"
 
 
-def _series(solution: Solution, case: Case) -> Iterator[tuple[str, str, str, np.ndarray]]:
+def _size(history: Array) -> float:
+    return float(np.abs(history).max())
+
+
+def _series(solution: Solution, case: Case) -> Iterator[tuple[str, str, str, Array]]:
     """Name, quantity, unit and history of each force or moment of a joint or a connector, N or N m."""
     for joint in case.scene.joints:
         with suppress(ResultError):

@@ -11,13 +11,15 @@ from anctmm.model.case import Case
 from anctmm.results.metrics import EPS, Array
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
-from studies.engine.refinement import Refined, Refinement, Setup, offer_of
+from studies.engine.refinement import Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Picture
 from studies.engine.tables import Table
 from studies.engine.trials import Trial
 
 Row = dict[str, Any]
+Variant = Callable[[float], Trial]  # by a factor
+Measured = Callable[[Trial, Solution], Row]
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-3, True: 1e-2}
 #: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
@@ -35,11 +37,6 @@ class Part:
     pictures: tuple[Picture, ...] = ()
 
 
-def part(name: str, title: str, rows: Sequence[Row], note: str, finding: str, *pictures: Picture) -> Part:
-    """A part from its rows."""
-    return Part(Table(name, title, pd.DataFrame(rows), (note,)), finding, pictures)
-
-
 @dataclass(frozen=True)
 class Base:
     """A case with its refined run."""
@@ -54,7 +51,7 @@ class Base:
     def of(cls, case: Case, runner: Runner, quick: bool) -> "Base":
         """Refine a case."""
         runner.heading = f"{case.name}, mesh and step: "
-        found = Refinement(case, Setup(), runner).refined(TARGETS[quick])
+        found = Refinement(case, runner).refined(TARGETS[quick])
         return cls(case, found, runner, quick, _peer(found, runner) if found.solution.status.ok else "")
 
     @property
@@ -73,17 +70,17 @@ class Base:
         self.runner.heading = f"{self.case.name}, {what}: "
         return self.runner.solve(trial)
 
-    def row(self, status: str = "ok", **columns: Any) -> Row:
+    def row(self, status: object = "ok", **columns: Any) -> Row:
         """A row of a table."""
-        return {"scene": self.case.name, **columns, "status": status}
+        return {"scene": self.case.name, **columns, "status": str(status)}
 
-    def swept(
-        self,
-        what: str,
-        factors: Sequence[float],
-        variant: Callable[[float], Trial],
-        measured: Callable[[Trial, Solution], Row],
-    ) -> list[Row]:
+    def part(self, name: str, title: str, note: str, rows: Sequence[Row], text: str, *drawn: Picture) -> Part:
+        """A part from its rows; its sentence is the first status where nothing is known."""
+        known = text if good(rows) else f"{title.lower()}: {rows[0]['status']}"
+        table = Table(name, title, pd.DataFrame(rows), (note,))
+        return Part(table, f"{self.case.name}: {known}.", drawn)
+
+    def swept(self, what: str, factors: Sequence[float], variant: Variant, measured: Measured) -> list[Row]:
         """A row for each factor: what is measured of its variant, or why there is nothing."""
         rows = []
         for factor in factors:
@@ -93,15 +90,15 @@ class Base:
                 continue
             run = self.run(trial, f"{what}, {factor:g}")
             found = measured(trial, run) if run.status.ok else {}
-            rows.append(self.row(str(run.status), factor=factor, **found))
+            rows.append(self.row(run.status, factor=factor, **found))
         return rows
 
 
 def _peer(found: Refined, runner: Runner) -> str:
     """The first other solver that has the same elements and can do the refined run."""
     for name in registry.names():
-        same = offer_of(name).element_of(found.trial.element) == found.trial.element
-        if name != found.trial.solver and same and runner.solve(replace(found.trial, solver=name)).status.ok:
+        other = replace(found.trial, solver=name)
+        if other != found.trial and other.used == other.element and runner.solve(other).status.ok:
             return name
     return ""
 

@@ -14,7 +14,7 @@ from anctmm.results.metrics import Array
 from anctmm.results.solution import Solution
 from studies.engine.files import file_name
 from studies.engine.study import Picture
-from studies.extremes.base import Base, Part, Row, apart, good, part, paths, size_of
+from studies.extremes.base import Base, Part, Row, apart, good, paths, size_of
 from studies.report.plots import DASHES, legend_below, picture
 
 #: Size of the disturbance at the end of an undisturbed free flight, of the largest displacement.
@@ -25,12 +25,12 @@ PUSH, FIRST = 0.02, (0.05, 0.15)
 TRACE = 1e-3 * DISTURBANCE
 #: Difference up to which two solvers' histories are taken to be the same motion.
 SAME = 1e-6
-NOTE = (
+GROWTH = (
+    "growth", "How a disturbance grows",
     f"A push of {PUSH:.0%} of the motion moves the probes by some {DISTURBANCE:g} of the largest displacement. first, "
     "last: largest difference between 5 and 15 % of the motion, and in its last tenth. rate: of exponential growth "
-    f"between them; a steady drift grows by 7. comparable_until: when the difference exceeds {SAME:g}; the end of "
-    "the motion where it never does. uncertainty: rounding at most, as much larger as the push became."
-)
+    f"between them. comparable_until: when the difference exceeds {SAME:g}. uncertainty: rounding at most.",
+)  # fmt: skip
 
 
 def growth(base: Base) -> tuple[Part, float]:
@@ -51,12 +51,11 @@ def growth(base: Base) -> tuple[Part, float]:
             whole[what] = apart(*solutions, case)
             rows.append(base.row(what=what, **_grown(ours.t, whole[what])))
         else:
-            rows.append(base.row(str(bad.status), what=what))
+            rows.append(base.row(bad.status, what=what))
     larger = max(1.0, good(rows)[0]["growth"] if good(rows) else 1.0)  # also of NaN
     for row in good(rows):
         row["uncertainty"] = base.rounding * (1.0 if row["what"].startswith("push") else larger)
-    drawn = _picture(case.name, ours, whole)
-    return part("growth", "How a disturbance grows", rows, NOTE, _finding(base, rows), drawn), larger
+    return base.part(*GROWTH, rows, _finding(rows), _picture(case.name, ours, whole)), larger
 
 
 def _grown(t: Array, difference: Array) -> Row:
@@ -84,18 +83,16 @@ def _disturbed(case: Case, displacement: float) -> Scene:
     return replace(scene, loads=(*scene.loads, *(Force(probe, push) for probe in case.probes)))
 
 
-def _finding(base: Base, rows: list[Row]) -> str:
-    first, pair, name = rows[0], rows[-1], base.case.name
+def _finding(rows: list[Row]) -> str:
+    first, pair = rows[0], rows[-1]
     if first["status"] != "ok":
-        return f"{name}, disturbance: {first['status']}."
+        return f"a disturbance: {first['status']}"
     grows = f"grows {first['growth']:.2g} times" if isfinite(first["growth"]) else "leaves no trace"
-    text = f"{name}: a disturbance of {DISTURBANCE:g} {grows}."
+    text = f"a disturbance of {DISTURBANCE:g} {grows}"
     if pair["status"] != "ok" or pair is first:
         return text
-    return (
-        f"{text} {pair['what']} differ by {pair['last']:.0e} at the end: the motion can be compared until "
-        f"{pair['comparable_until']:.3g} s."
-    )
+    until = f"the motion can be compared until {pair['comparable_until']:.3g} s"
+    return f"{text}; {pair['what']} differ by {pair['last']:.0e} at the end: {until}"
 
 
 def _picture(name: str, ours: Solution, whole: dict[str, Array]) -> Picture:

@@ -12,11 +12,9 @@ from anctmm.model.bodies import Beam
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import EPS
 from anctmm.results.solution import Solution
-from studies.engine.meshes import MARGIN, explicit_limit
 from studies.engine.other_numbers import Change, Changed
-from studies.engine.refinement import EXPLICIT
-from studies.engine.trials import Trial
-from studies.extremes.base import NOT_RUN, Base, Part, Row, apart, energy_error, good, part, paths, size_of
+from studies.engine.trials import EXPLICIT, MARGIN, Trial, explicit_limit
+from studies.extremes.base import NOT_RUN, Base, Part, Row, apart, energy_error, good, paths, size_of
 
 #: Fixed explicit steps tried, as parts of the stability limit at the start.
 FRACTIONS = (0.5, 0.9, 0.99, 1.05, 1.3)
@@ -29,30 +27,37 @@ FAR = {False: (1e2, 1e4, 1e6), True: (1e6,)}
 STIFFER = {False: (1e-2, 1.0, 1e2, 1e4, 1e6), True: (1.0, 1e2, 1e4)}
 LOADS = {False: (1.0, 2.0, 4.0, 8.0, 16.0), True: (1.0, 4.0)}
 LONGER = {False: (1, 10, 100), True: (1, 10)}
-NOTES = {
-    "stable_step": "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene, by the solver's own refusal, "
-    "to a per cent. factor: the step over it, before it divides the interval of output. error: largest difference to "
-    "the refined run, of the largest displacement. balance: largest energy error over the largest kinetic energy.",
-    "many_elements": f"The first {STEPS} steps of the refined run (an equilibrium whole). to_coarser: largest "
-    f"difference to the mesh before. to_peer: to another solver on the same mesh, up to {MOST_OF_PEER} elements: "
-    "rounding of both. uncertainty: Newton's tolerance, and rounding of coordinates.",
-    "places": "lengths: distance from the origin in lengths of the scene. difference: largest at the probes to the "
-    "same run at its own place, over the largest displacement; predicted: at most, by rounding of each step, which the "
-    "motion makes larger as it does a disturbance.",
-    "stiffness": "factor: of Young's modulus of all beams, on the refined mesh and by the refined step. difference: to "
-    "rigid bars at the probes, over the largest displacement of the case; it must fall until only the errors of mesh "
-    "and step (uncertainty) are left.",
-    "loads": "factor: of all loads and of gravity, on the refined mesh and by the refined step; drives stay. largest: "
-    "displacement of the probes, m.",
-    "time": "factor: of the duration, by the refined step. balance: largest energy error over the largest kinetic "
-    "energy.",
-}
-
-
-def _part(base: Base, name: str, title: str, rows: Sequence[Row], text: str) -> Part:
-    """A part; its sentence is the first status where nothing is known."""
-    known = text if good(rows) else f"{title.lower()}: {rows[0]['status']}"
-    return part(name, title, rows, NOTES[name], f"{base.case.name}: {known}.")
+#: Names of tables with their titles and notes.
+STABLE = (
+    "stable_step", "Explicit steps near the stability limit",
+    "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene. factor: the step over it. error: largest "
+    "difference to the refined run, of the largest displacement. balance: largest energy error over the largest "
+    "kinetic energy.",
+)  # fmt: skip
+MANY = (
+    "many_elements", "Many elements",
+    f"The first {STEPS} steps of the refined run (an equilibrium whole). to_coarser: largest difference to the mesh "
+    f"before; to_peer: to another solver on the same mesh, up to {MOST_OF_PEER} elements. uncertainty: Newton's "
+    "tolerance, and rounding of coordinates.",
+)  # fmt: skip
+PLACES = (
+    "places", "Far from the origin",
+    "lengths: distance from the origin in lengths of the scene. difference: to the same run at its own place, over the "
+    "largest displacement; predicted: at most, by rounding of each step, which grows as a disturbance does.",
+)  # fmt: skip
+STIFFNESS = (
+    "stiffness", "Stiffer and stiffer",
+    "factor: of Young's modulus of all beams. difference: to rigid bars, over the largest displacement of the case; it "
+    "must fall until only the errors of mesh and step (uncertainty) are left.",
+)  # fmt: skip
+LOADED = (
+    "loads", "Larger and larger loads",
+    "factor: of all loads and of gravity; drives stay. largest: displacement of the probes, m.",
+)  # fmt: skip
+TIME = (
+    "time", "Longer and longer motions",
+    "factor: of the duration. balance: largest energy error over the largest kinetic energy.",
+)  # fmt: skip
 
 
 def _beyond(rows: Sequence[Row]) -> str:
@@ -64,28 +69,25 @@ def _beyond(rows: Sequence[Row]) -> str:
 def steps(base: Base) -> Part:
     """The largest stable explicit step, and how near to it a fixed step can go over the motion."""
     plain = replace(base.trial, integrator=EXPLICIT, options=(("check_stability", False),))
-    limit = explicit_limit(base.case, plain.by_body, element=plain.element) / MARGIN
-    interval, title = base.case.interval, "Explicit steps near the stability limit"
+    limit, interval = explicit_limit(plain) / MARGIN, base.case.interval
     if isinf(limit):
-        rows = [base.row("does not apply: nothing vibrates, or no explicit run")]
-        return _part(base, "stable_step", title, rows, "")
+        return base.part(*STABLE, [base.row("does not apply: nothing vibrates, or no explicit run")], "")
+
+    def variant(factor: float) -> Trial:  # with a step that divides the interval of output
+        return replace(plain, dt=interval / max(ceil(interval / (factor * limit) - 0.5), 1))
 
     def measured(trial: Trial, run: Solution) -> Row:
         error = float(apart(base.found.solution, run, base.case).max())
         return {"stable_dt": limit, "dt": trial.dt, "error": error, "reference_error": base.found.error,
                 "balance": energy_error(run)}  # fmt: skip
 
-    def variant(factor: float) -> Trial:  # with a step that divides the interval of output
-        return replace(plain, dt=interval / max(ceil(interval / (factor * limit) - 0.5), 1))
-
     rows = base.swept("explicit", FRACTIONS, variant, measured)
     held = [row["factor"] for row in good(rows) if row["balance"] < 1.0]
-    ran = [row for row in rows if not row["status"].startswith(NOT_RUN)]
-    lost = [row["factor"] for row in ran if row["factor"] not in held]
+    ran = [row["factor"] for row in rows if not row["status"].startswith(NOT_RUN)]
     text = f"the largest stable explicit step is {1e3 * limit:.3g} ms"
     text += f"; a fixed step of {max(held):.2f} of it holds over the motion" if held else ""
-    text += f", one of {min(lost):.2f} does not" if lost else ""
-    return _part(base, "stable_step", title, rows, text)
+    text += f", one of {min(lost):.2f} does not" if (lost := set(ran) - set(held)) else ""
+    return base.part(*STABLE, rows, text)
 
 
 def elements(base: Base) -> Part:
@@ -95,7 +97,7 @@ def elements(base: Base) -> Part:
     text = f"runs hold up to {max((row['dofs'] for row in good(rows)), default=0)} coordinates"
     text += f"; {base.peer} differs by {max(known):.0e} at most" if known else ""
     text += "" if rows[-1]["status"] == "ok" else f"; beyond: {rows[-1]['status']}"
-    return _part(base, "many_elements", "Many elements", rows, text)
+    return base.part(*MANY, rows, text)
 
 
 def _finer(base: Base) -> Iterator[Row]:
@@ -107,7 +109,7 @@ def _finer(base: Base) -> Iterator[Row]:
         run = base.run(trial, f"{trial.elements} elements")
         about: Row = {"elements": trial.elements, "dofs": run.dofs}
         if not run.status.ok:
-            yield base.row(str(run.status), **about)
+            yield base.row(run.status, **about)
             return
         yield base.row(
             **about,
@@ -128,63 +130,50 @@ def _to_peer(base: Base, trial: Trial, run: Solution) -> float:
 
 def places(base: Base, growth: float) -> Part:
     """The case far from the origin: only rounding may change the answer."""
-    plain, length = base.run(base.trial, "refined run"), base.case.scene.length
-    rows = []
-    for far in FAR[base.quick]:
-        place = far * length, 0.5 * far * length
-        rows.append(base.row(lengths=far, **_moved(base, plain, place, growth)))
+    rows = [base.row(**_moved(base, far, growth)) for far in FAR[base.quick]]
     worst = max((row["difference"] for row in good(rows)), default=nan)
-    return _part(
-        base,
-        "places",
-        "Far from the origin",
-        rows,
-        f"far from the origin results differ by {worst:.0e} at most",
-    )
+    return base.part(*PLACES, rows, f"far from the origin results differ by {worst:.0e} at most")
 
 
-def _moved(base: Base, plain: Solution, place: tuple[float, float], growth: float) -> Row:
-    case = base.case
+def _moved(base: Base, far: float, growth: float) -> Row:
+    case, length = base.case, base.case.scene.length
+    plain, place = base.run(base.trial, "refined run"), (far * length, 0.5 * far * length)
     try:
         trial = replace(base.trial, scene=Change(place).scene(case.scene))
     except AnctmmError as error:  # a part of a user's own kind
-        return {"status": f"does not apply: {error}"}
+        return {"lengths": far, "status": f"does not apply: {error}"}
     moved = base.run(trial, "far from the origin")
     if not (plain.status.ok and moved.status.ok):
-        return {"status": str((moved if plain.status.ok else plain).status)}
-    far = (float(np.hypot(*place)) + case.scene.length) / size_of(paths(plain, case))
-    return {
-        "difference": float(apart(plain, moved, case).max()), "predicted": base.rounding * max(growth, 1.0) * far,
-    }  # fmt: skip
+        return {"lengths": far, "status": (moved if plain.status.ok else plain).status}
+    digits = (float(np.hypot(*place)) + length) / size_of(paths(plain, case))
+    difference = float(apart(plain, moved, case).max())
+    return {"lengths": far, "difference": difference, "predicted": base.rounding * max(growth, 1.0) * digits}
 
 
 def stiffness(base: Base) -> Part:
     """Stiffer and stiffer beams: the case must converge to rigid bars."""
-    case, rows = base.case, [base.row("does not apply: no beam")]
-    if case.scene.beams:
-        ones = (1,) * len(case.scene.beams)
-        rigid = base.run(replace(base.trial, element="rigid", mesh=ones), "rigid bars")
-        size = size_of(paths(base.found.solution, case))
+    case, scene = base.case, base.case.scene
+    if not scene.beams:
+        return base.part(*STIFFNESS, [base.row("does not apply: no beam")], "")
+    rigid = base.run(replace(base.trial, element="rigid", mesh=(1,) * len(scene.beams)), "rigid bars")
+    size = size_of(paths(base.found.solution, case))
 
-        def measured(trial: Trial, run: Solution) -> Row:
-            return {"difference": float(apart(rigid, run, case, size).max()), "uncertainty": base.found.error}
-
-        def variant(factor: float) -> Trial:
-            return replace(base.trial, scene=_stiffened(case.scene, factor))
-
-        rows = [base.row(f"does not apply: with all beams rigid {rigid.status}")]
-        if rigid.status.ok:
-            rows = base.swept("stiffness", STIFFER[base.quick], variant, measured)
-    by = [f"{r['difference']:.1g} with {r['factor']:g} times its modulus" for r in good(rows)]
-    text = f"the result differs from that of rigid bars by {by[0]}, and by {by[-1]}" if by else ""
-    return _part(base, "stiffness", "Stiffer and stiffer", rows, text)
-
-
-def _stiffened(scene: Scene, factor: float) -> Scene:
-    def body(b: Any) -> Any:
+    def stiffer(b: Any, factor: float) -> Any:
         return replace(b, material=replace(b.material, E=factor * b.material.E)) if isinstance(b, Beam) else b
 
-    return replace(scene, bodies=tuple(map(body, scene.bodies)))
+    def variant(factor: float) -> Trial:
+        bodies = tuple(stiffer(b, factor) for b in scene.bodies)
+        return replace(base.trial, scene=replace(scene, bodies=bodies))
+
+    def measured(trial: Trial, run: Solution) -> Row:
+        return {"difference": float(apart(rigid, run, case, size).max()), "uncertainty": base.found.error}
+
+    rows = [base.row(f"does not apply: with all beams rigid {rigid.status}")]
+    if rigid.status.ok:
+        rows = base.swept("stiffness", STIFFER[base.quick], variant, measured)
+    by = [f"{r['difference']:.1g} with {r['factor']:g} times its modulus" for r in good(rows)]
+    text = f"the result differs from that of rigid bars by {by[0]}, and by {by[-1]}" if by else ""
+    return base.part(*STIFFNESS, rows, text)
 
 
 def loads(base: Base) -> Part:
@@ -198,8 +187,7 @@ def loads(base: Base) -> Part:
 
     rows = base.swept("loads", LOADS[base.quick], variant, measured)
     held = max((row["factor"] for row in good(rows)), default=0.0)
-    text = f"runs hold up to {held:g} times the loads{_beyond(rows)}"
-    return _part(base, "loads", "Larger and larger loads", rows, text)
+    return base.part(*LOADED, rows, f"runs hold up to {held:g} times the loads{_beyond(rows)}")
 
 
 def _loaded(scene: Scene, factor: float) -> Scene:
@@ -214,15 +202,14 @@ def _loaded(scene: Scene, factor: float) -> Scene:
 
 def time(base: Base) -> Part:
     """Longer and longer motions by the same step: drift of the energy."""
-    case = base.case
 
     def variant(factor: float) -> Trial:
-        return replace(base.trial, t_end=factor * case.duration, output_dt=factor * case.interval)
+        return replace(base.trial, t_end=factor * base.case.duration, output_dt=factor * base.case.interval)
 
     def measured(trial: Trial, run: Solution) -> Row:
         return {"t_end": trial.t_end, "steps": run.cost.steps, "balance": energy_error(run)}
 
     rows = base.swept("time", LONGER[base.quick], variant, measured)
     last = (good(rows) or [{"steps": 0, "balance": nan}])[-1]
-    text = f"over {last['steps']} steps the energy error is {last['balance']:.1g} of the kinetic one{_beyond(rows)}"
-    return _part(base, "time", "Longer and longer motions", rows, text)
+    text = f"over {last['steps']} steps the energy error is {last['balance']:.1g} of the kinetic one"
+    return base.part(*TIME, rows, text + _beyond(rows))

@@ -6,7 +6,7 @@ from studies.cases import assumptions_of
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Result
 from studies.extremes import parts
-from studies.extremes.base import Base, Part, part
+from studies.extremes.base import Base, Part
 from studies.extremes.growth import growth
 
 #: Questions of the cards, by the table that answers them.
@@ -33,10 +33,7 @@ def run(options: Options, runner: Runner) -> Result:
 def _parts(base: Base) -> Iterator[Part]:
     status = base.found.solution.status
     if not status.ok:
-        text = f"{base.case.name}: no refined run: {status}."
-        yield part(
-            "refined", "The refined run", [base.row(str(status))], "Of cables and implicit steps.", text
-        )
+        yield base.part("refined", "No refined run", "Of cables and implicit steps.", [base.row(status)], "")
         return
     larger = 1.0
     if not base.case.static:

@@ -9,8 +9,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from studies.engine.files import file_name
-from studies.engine.meshes import parts_of
-from studies.engine.study import check_mesh
+from studies.engine.meshes import by_beam, parts_of
 from studies.regression.scenes import TIGHT, Motion, Static, Watch
 
 #: Elements of the longest beam; steps of a run at least, and between outputs.
@@ -59,8 +58,4 @@ def _mesh(scene: Scene, given: tuple[int, ...] | None) -> int | dict[str, int]:
         least = [2 * ceil(ELEMENTS / 2 * beam.length / longest * (1.0 - 1e-9)) for beam in scene.beams]
         parts = [parts_of(scene, beam) for beam in scene.beams]
         given = tuple(p * ceil(n / p) for n, p in zip(least, parts, strict=True)) or (2,)
-    elif scene.beams:
-        check_mesh(scene, given)
-    if len(given) == 1:
-        return given[0]
-    return dict(zip((beam.name for beam in scene.beams), given, strict=True))
+    return by_beam(scene, given)

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import isfinite, nan
-from typing import Any, cast
+from math import nan
+from typing import Any
 
 import pandas as pd
 from numpy import nansum
@@ -11,21 +11,19 @@ from numpy import nansum
 from anctmm.elements.kinds import KINDS
 from anctmm.results.solution import Solution
 from studies.engine.fronts import NEAR, excess, robust
-from studies.engine.refinement import EXPLICIT, STEP_ORDERS, Setup, difference, offer_of
+from studies.engine.refinement import STEP_ORDERS, difference
 from studies.engine.runner import Runner
 from studies.engine.study import StudyError
 from studies.engine.tables import records
 from studies.engine.timing import least
-from studies.engine.trials import SHARED, Trial
-from studies.trade.settings import Levels, choices_of, steps_of
+from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, SHARED, Trial, offer_of
+from studies.trade.settings import Levels, steps_of
 
 #: s of CPU time that a whole call of a sweep may take at most, and elements times steps, by whether it is quick.
 MOST_S, MOST_WORK = {False: 2.0, True: 1.0}, {False: 4e6, True: 4e5}
 #: Steps of one setting over the shortest step of the sweep, of the runs that separate the errors of step and mesh.
 FINER = 4
 NEWTON = 1e-10
-#: Places in the list of common settings at which solvers are compared like with like.
-LIKE = (0.0, 0.5, 1.0)
 #: Kinds of outcome, by the code of a status; any other is a failure of the solver.
 OUTCOMES = {"unsupported": "not representable", "refused": "setting refused", "": "takes too long"}
 #: Columns that are the same in runs that differ by the bounds of their iteration only.
@@ -38,39 +36,33 @@ def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[p
     """A row a setting with its error and the time of one run, and a row a kind of setting with its outcome.
 
     Runs go from coarse to fine, of all solvers in turn. Settings that would take too long, by the time of the runs
-    before, are left out, and so is what follows a refused run.
-
-    Raises
-    ------
-    StudyError
-        If all would take too long.
+    before, are left out, and so is what follows a refused run. StudyError if all would take too long.
     """
     rows: list[dict[str, Any]] = []
-    rates: dict[tuple[str, ...], float] = {}
+    rates: dict[tuple[str, ...], float] = {}  # s by elements times steps; NaN of what was refused
     fine: dict[tuple[Any, ...], Fine] = {}
+    most = MOST_WORK[runner.quick]
     for place, batch in settings.groupby("round"):
-        mesh, step = cast(tuple[int, int], place)
-        batch = batch[[_affordable(trial, rates, runner.quick) for trial in batch["trial"]]]
-        runner.heading = f"{levels.case.name}, mesh {mesh + 1}, step {step + 1}: "
+        able = [
+            t.work <= most and rates.get(_family(t), 0.0) * t.work <= MOST_S[runner.quick]
+            for t in batch["trial"]
+        ]
+        batch, runner.heading = batch[able], f"{levels.case.name}, level {place}: "
         for setting, solution in zip(records(batch), runner.solve_many(batch["trial"]), strict=True):
             trial, cost = setting["trial"], solution.cost
             rates[_family(trial)] = nansum([cost.cpu_s, cost.build_s]) / trial.work if cost.steps else nan
-            own = _place(trial)
+            own = _owner(trial), trial.element, trial.quadrature, trial.mesh
             if solution.status.ok and own not in fine:
                 fine[own] = _fine(levels, trial, runner)
             rows.append(_row(levels, setting, solution, fine.get(own)))
     if not rows:
-        raise StudyError(
-            f"each setting of case {levels.case.name!r} takes more than {MOST_WORK[runner.quick]:g} elements times "
-            f"steps; a shorter motion, larger --error or --solvers and --integrator that take longer steps are needed"
-        )
-    frame = _bounded(pd.DataFrame(rows))
-    return frame, _outcomes(levels, settings, frame)
-
-
-def _affordable(trial: Trial, rates: dict[tuple[str, ...], float], quick: bool) -> bool:
-    """Whether a run is short enough, by the time of runs before; NaN where one before was refused."""
-    return rates.get(_family(trial), 0.0) * trial.work <= MOST_S[quick] and trial.work <= MOST_WORK[quick]
+        too_long = f"each setting of case {levels.case.name!r} takes more than {most:g} elements times steps"
+        raise StudyError(f"{too_long}; a shorter motion, a larger --error or longer steps are needed")
+    frame = pd.DataFrame(rows)
+    same = list(frame[SETTING].astype(str).itertuples(index=False, name=None))
+    step = robust(frame["step_error"].astype(float), same, frame["tightest"].to_list())
+    bound = frame["mesh_error"] + step + frame["reference_error"]
+    return frame.assign(step_error=step, error_bound=bound), _outcomes(levels, settings, frame)
 
 
 def _family(trial: Trial) -> tuple[str, ...]:
@@ -78,53 +70,40 @@ def _family(trial: Trial) -> tuple[str, ...]:
     return trial.solver, trial.element, trial.quadrature, trial.integrator, str(trial.options)
 
 
-def _place(trial: Trial) -> tuple[Any, ...]:
-    """Whose mesh it is: of elements of ours the same for all solvers."""
-    ours = offer_of(trial.solver).element_of(trial.element) in KINDS
-    return ("" if ours else trial.solver), trial.element, trial.quadrature, trial.mesh
+def _owner(trial: Trial) -> str:
+    """Whose elements it has: ours, which all solvers share, or those of its solver."""
+    return OURS if trial.used in KINDS else trial.solver
 
 
 def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
     """A run by a fine step on a mesh: by the fourth-order steps of ANC–TMM, or else by second order of the solver."""
-    case, shortest = levels.case, min(levels.steps)
-    owner = _place(trial)[0]
-    heading, runner.heading = runner.heading, f"{case.name}, error of the step: "
-    tries = [(Setup.solver, "esdirk", shortest)] if not owner else []
-    tries.append((owner or Setup.solver, "generalized-alpha", shortest / FINER))
-    tries.append((owner or Setup.solver, EXPLICIT, nan))
-    found = None
-    for solver, integrator, dt in tries:
-        tight = () if integrator == EXPLICIT else _tight(solver)
-        one = replace(trial, solver=solver, integrator=integrator, options=tight)
-        one = replace(one, dt=dt if isfinite(dt) else min(steps_of(levels, one)))
+    solver, shortest = _owner(trial), min(levels.steps)
+    tight = {k: NEWTON if k == "newton_tolerance" else v for k, v in offer_of(solver).choices[0].items()}
+    fourth = replace(trial, solver=solver, integrator="esdirk", options=tuple(tight.items()), dt=shortest)
+    second = replace(fourth, integrator=IMPLICIT, dt=shortest / FINER)
+    explicit = replace(fourth, integrator=EXPLICIT, options=(), dt=nan)
+    runner.heading = f"{levels.case.name}, error of the step: "
+    for one in [fourth, second, explicit] if solver == OURS else [second, explicit]:
+        one = one if one.dt > 0.0 else replace(one, dt=min(steps_of(levels, one)))
         finest, twice = runner.solve_many([one, replace(one, dt=2.0 * one.dt)])
         if finest.status.ok and twice.status.ok:
-            left = 2.0 / (2.0 ** STEP_ORDERS[integrator] - 1.0)
-            found = finest, left * difference(twice, finest, case.probes)
-            break
-    runner.heading = heading
-    return found
-
-
-def _tight(solver: str) -> tuple[tuple[str, Any], ...]:
-    """Tightest bounds of the iteration that a solver offers; of our own options tighter ones."""
-    return tuple((k, NEWTON if k == "newton_tolerance" else v) for k, v in choices_of(solver)[0])
+            left = 2.0 / (2.0 ** STEP_ORDERS[one.integrator] - 1.0)
+            return finest, left * difference(twice, finest, levels.case.probes)
+    return None
 
 
 def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine) -> dict[str, Any]:
     trial, cost = setting["trial"], solution.cost
-    reference = levels.reference_of(trial.element)
-    asked = dict(trial.options)
+    reference, asked = levels.reference_of(trial.element), dict(trial.options)
     return {
-        "scene": levels.case.name, "solver": trial.solver,
-        "element": offer_of(trial.solver).element_of(trial.element), "asked": trial.element,
+        "scene": levels.case.name, "solver": trial.solver, "element": trial.used, "asked": trial.element,
         "quadrature": KINDS[trial.element].quadrature_shown(trial.quadrature), "integrator": trial.integrator,
         "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt, "tolerance": asked.get("tolerance", nan),
         "newton_tolerance": asked.get("newton_tolerance", nan),
         "own": str({k: v for k, v in trial.options if k not in SHARED}), "steps": cost.steps,
         "newton_iterations": cost.newton_iterations, "error": reference.error_of(solution),
         "mesh_error": reference.error_of(fine[0]) if fine else nan,
-        "step_error": difference(solution, fine[0], levels.case.probes) if fine and solution.status.ok else nan,
+        "step_error": difference(solution, fine[0], levels.case.probes) if fine else nan,
         "reference_error": reference.uncertainty, "step_reference_error": fine[1] if fine else nan,
         "cpu_s": cost.cpu_s, "cpu_spread": nan, "build_s": cost.build_s, "repeats": 1,
         "status": str(solution.status), "reference": reference.name,
@@ -132,47 +111,35 @@ def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine
     }  # fmt: skip
 
 
-def _bounded(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with robust errors of the step, and the bound of the error: the sum of its parts and of the reference's."""
-    settings = list(rows[SETTING].astype(str).itertuples(index=False, name=None))
-    step = robust(rows["step_error"].astype(float), settings, rows["tightest"].to_list())
-    return rows.assign(step_error=step, error_bound=rows["mesh_error"] + step + rows["reference_error"])
-
-
 def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """For each solver, element and way to step the kind of outcome: an answer, or why there is none."""
     lines = []
-    for kind in settings["kind"].drop_duplicates():
-        status = rows.loc[rows["kind"] == kind, "status"]
+    for solver, element, stepping in settings["kind"].drop_duplicates():
+        status = rows.loc[rows["kind"] == (solver, element, stepping), "status"]
         good = int(status.str.startswith("ok").sum())
         code, _, why = status.iloc[0].partition(": ") if len(status) else ("", "", "")
         lines.append({
-            "scene": levels.case.name, "solver": kind[0], "element": kind[1], "stepping": kind[2],
+            "scene": levels.case.name, "solver": solver, "element": element, "stepping": stepping,
             "runs": len(status), "answers": good,
             "outcome": "answer" if good else OUTCOMES.get(code, "solver failed"), "why": "" if good else why,
         })  # fmt: skip
     return pd.DataFrame(lines)
 
 
-def time_near(
-    rows: pd.DataFrame, runner: Runner, also: Sequence[int] = ()
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def time_near(rows: pd.DataFrame, runner: Runner, also: Sequence[int]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The rows with times in turn of those near the front of their solver (and of others), and all samples."""
     near = pd.concat([excess(mine) for _, mine in rows.groupby("solver", sort=False)]) <= NEAR
     chosen = sorted({*near.index[near], *also})
+    costs = runner.time_in_turn(list(rows.loc[chosen, "trial"]))
     rows = rows.assign(in_turn=rows.index.isin(chosen))
-    costs = runner.time_in_turn(list(rows.loc[chosen, "trial"])) if chosen else []
-    samples: list[dict[str, Any]] = []
-    for k, found in zip(chosen, costs, strict=True):
-        for name, value in vars(least(found)).items():
-            rows.loc[k, name] = value
-        samples += [{"row": k, "cpu_s": cost.cpu_s, "build_s": cost.build_s} for cost in found]
+    rows.update(pd.DataFrame(list(map(least, costs)), index=chosen))
     rows["whole_s"] = rows["cpu_s"] + rows["build_s"].fillna(0.0)
     rows["excess"] = excess(rows[rows["in_turn"]]).reindex(rows.index)
-    return rows, pd.DataFrame(samples, columns=["row", "cpu_s", "build_s"])
+    pairs = [(k, cost) for k, found in zip(chosen, costs, strict=True) for cost in found]
+    return rows, pd.DataFrame([{"row": k, "cpu_s": c.cpu_s, "build_s": c.build_s} for k, c in pairs])
 
 
-def like_with_like(rows: pd.DataFrame) -> list[int]:
+def like_with_like(rows: pd.DataFrame) -> Sequence[int]:
     """Rows of the same elements, mesh, step and integrator, by the tightest bounds, that several solvers have."""
     found: list[int] = []
     plain = rows[rows["tightest"] & (rows["status"] == "ok") & ~(rows["tolerance"] > 0.0)]
@@ -181,6 +148,6 @@ def like_with_like(rows: pd.DataFrame) -> list[int]:
     shared = plain[plain.groupby(same)["solver"].transform("nunique") > 1]
     for _, own in shared.groupby(["element", "integrator"], sort=False):
         settings = own.drop_duplicates(same)[same]
-        chosen = settings.iloc[sorted({round(part * (len(settings) - 1)) for part in LIKE})]
+        chosen = settings.iloc[[0, len(settings) // 2, -1]].drop_duplicates()  # coarse, usual and fine
         found += own.reset_index().merge(chosen, on=same)["index"].tolist()
     return found

@@ -3,7 +3,7 @@
 from ast import literal_eval
 from collections.abc import Mapping
 from contextlib import redirect_stdout
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from io import StringIO
 from math import inf, isfinite
 from pathlib import Path
@@ -13,61 +13,39 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.results.metrics import history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from studies.engine.files import file_name
 from studies.engine.fronts import reaching
 from studies.engine.identity import identity
-from studies.engine.study import Options, Result
+from studies.engine.meshes import mesh_label
+from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import milliseconds, say, show_frame
-from studies.engine.timing import least
-from studies.engine.trials import NO_BEAMS, Trial, mesh_label
+from studies.engine.trials import NO_BEAMS, SHARED, Trial
 from studies.trade.settings import same_continuum
-from studies.trade.tables import SETTING, parts_text, setting_of, stepping
+from studies.trade.tables import history, parts_text, setting_of, stepping
 
 #: The trade of the built-in scenes that ships with the package.
 KEPT = Path(__file__).parent / "kept"
-#: Runs of a rerun; its time is the least.
-REPEATS = 3
 #: Factor by which a rerun without a target may differ from the table's error: it is the same computation.
 SAME = 1.01
-#: Columns of the points, the histories and the references.
-NEEDED = {
-    "points": (
-        "scene",
-        *SETTING,
-        "error",
-        "mesh_error",
-        "step_error",
-        "reference_error",
-        "error_bound",
-        "cpu_s",
-    ),
-    "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
-    "references": ("scene", "element", "from_cable", "case"),
-}
-
-
-class RecommendError(AnctmmError, ValueError):
-    """A target error, a scene or a table cannot be used."""
+#: Tables that are read, and a column that only tables of their kind have.
+NEEDED = {"points": "error_bound", "histories": "u_x", "references": "case"}
 
 
 @dataclass(frozen=True)
 class Measured:
     """Settings of a trade, reference histories and references, and their origin."""
 
+    origin: str
     points: pd.DataFrame
     histories: pd.DataFrame
     references: pd.DataFrame
-    origin: str
 
     def is_of(self, case: Case) -> bool:
         """Whether it was measured with this scene, these probes and these times."""
-        known = self.references[self.references["scene"] == case.name]
-        return identity(case) in set(known["case"])
+        return identity(case) in set(self.references["case"])
 
 
 @dataclass(frozen=True)
@@ -88,157 +66,108 @@ class Choice:
 class Rerun:
     """A chosen setting run again from its script."""
 
+    solution: Solution
     error: float
-    cpu_s: float
-    status: str
     met: bool
     goal: str
 
 
 def find(case: Case) -> Measured | None:
-    """The first trade of a case that is there, the one that `anctmm study trade` writes first; None without one.
-
-    Raises
-    ------
-    RecommendError
-        If it cannot be read.
-    """
+    """The first trade of a case that is there, the one that `anctmm study trade` writes first; None without one."""
     own = Path("results") / file_name(case.name) / "trade"
     for folder in (own, Path("results/trade"), Path("reports/trade"), KEPT):
-        measured = read(folder) if (folder / "front.csv").is_file() else None
-        known = measured and case.name in set(measured.points["scene"])
-        if measured and known and (folder != KEPT or measured.is_of(case)):
-            return measured
+        found = read(folder) if (folder / "front.csv").is_file() else None
+        if found and case.name in set(found.points["scene"]) and (folder != KEPT or found.is_of(case)):
+            return found
     return None
 
 
 def read(folder: Path) -> Measured:
     """The tables that `anctmm study trade` left in a directory; of points all, or those of the fronts.
 
-    Raises
-    ------
-    RecommendError
-        If a table is missing, cannot be read, or is another one.
+    StudyError if a table is missing, cannot be read, or is another one.
     """
     frames: list[Any] = []
     for name, needed in NEEDED.items():
-        path = folder / f"{name}.csv"
-        if name == "points" and not path.is_file():
-            path = folder / "front.csv"
+        every = name != "points" or (folder / "points.csv").is_file()
+        path = folder / f"{name if every else 'front'}.csv"
         try:
-            frame = pd.read_csv(path, dtype={"elements": str, "own": str})
+            frames.append(pd.read_csv(path, dtype={"elements": str, "own": str}))
         except (OSError, ValueError, OverflowError) as error:
-            raise RecommendError(
-                f"table {path} cannot be read ({error}); `anctmm study trade` writes it"
-            ) from None
-        if missing := [column for column in needed if column not in frame.columns]:
-            raise RecommendError(
-                f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
-            )
-        frames.append(frame)
-    points, histories, references = frames
-    origin = "the table that ships with anctmm" if folder == KEPT else str(folder)
-    return Measured(points, histories, references, origin)
+            raise StudyError(f"table {path} cannot be read ({error})") from None
+        if needed not in frames[-1]:
+            raise StudyError(f"table {path} has no column {needed!r}; one of `study trade` is needed")
+    return Measured("the table that ships with anctmm" if folder == KEPT else str(folder), *frames)
 
 
 def of_result(result: Result) -> Measured:
-    """The tables of a trade that was measured just now.
-
-    Raises
-    ------
-    RecommendError
-        If all of its runs are refused or fail.
-    """
+    """The tables of a trade that was measured just now; StudyError if all of its runs are refused or fail."""
     if not result.good:
-        raise RecommendError(f"no setting has an error: {' '.join(result.findings)}")
-    points, histories, references = (result.table(name).frame for name in NEEDED)
-    return Measured(points, histories, references, "measured now")
+        raise StudyError(f"no setting has an error: {' '.join(result.findings)}")
+    return Measured("measured now", *(result.table(name).frame for name in NEEDED))
 
 
 def check_case(measured: Measured, case: Case) -> None:
-    """Refuse tables of a case that was changed since.
-
-    Raises
-    ------
-    RecommendError
-    """
+    """Refuse tables of a case that was changed since."""
     if not measured.is_of(case):
-        raise RecommendError(
-            f"{measured.origin} was measured before scene {case.name!r}, its probes or its times were changed; "
-            f"`anctmm study trade` measures it anew"
-        )
+        before = f"was measured before scene {case.name!r}, its probes or its times were changed"
+        raise StudyError(f"{measured.origin} {before}; `anctmm study trade` measures it anew")
 
 
 def narrowed(points: pd.DataFrame, scene: str, options: Options) -> pd.DataFrame:
-    """Rows of a scene, and of some solvers, meshes, steps, of an integrator and an element.
-
-    Raises
-    ------
-    RecommendError
-        If nothing is left.
-    """
+    """Rows of a scene, and of some solvers, meshes, steps, an integrator and an element; StudyError without any."""
     mine = points[(points["scene"] == scene) & (points["error_bound"] > 0) & (points["cpu_s"] > 0)]
     if mine.empty:
-        names = ", ".join(dict.fromkeys(points["scene"]))
-        raise RecommendError(
-            f"scene {scene!r} has no setting with an error and a time; scenes of the table: {names}"
-        )
-    wanted: dict[str, tuple[str, Any]] = {
-        "--solvers": ("solver", options.solvers),
+        names = ", ".join(points["scene"].unique())
+        raise StudyError(f"scene {scene!r} has no setting with an error and a time; others have: {names}")
+    wanted = {
+        "--solvers": ("solver", options.solvers), "--elements": ("elements", options.meshes),
+        "--dt": ("dt", options.steps), "--element": ("element", options.element and [options.element]),
         "--integrator": ("integrator", options.integrator and [options.integrator]),
-        "--element": ("element", options.element and [options.element]),
-        "--elements": ("elements", options.meshes and list(map(mesh_label, options.meshes))),
-        "--dt": ("dt", options.steps and [f"{dt:.3g}" for dt in options.steps]),  # as they are shown
-    }
-    for typed, (column, values) in wanted.items():
-        shown = mine[column].map("{:.3g}".format) if column == "dt" else mine[column]
+    }  # fmt: skip
+    for typed, (column, given) in wanted.items():
+        values, shown = [_shown(value) for value in given or ()], mine[column].map(_shown)
         if values and not shown.isin(values).any():
-            allowed = ", ".join(map(str, shown.unique()))
-            raise RecommendError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
+            allowed = ", ".join(shown.unique())
+            raise StudyError(f"{typed} is {', '.join(values)!r}; measured on {scene!r} are {allowed}")
         mine = mine[shown.isin(values)] if values else mine
     return mine
 
 
-def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) -> Choice:
-    """The cheapest setting whose error bound meets a target, or the one with the smallest bound within a budget.
+def _shown(value: Any) -> str:
+    """A value as tables show it."""
+    mesh = isinstance(value, tuple)
+    return mesh_label(value) if mesh else f"{value:.3g}" if isinstance(value, float) else str(value)
 
-    Raises
-    ------
-    RecommendError
-        If neither is given.
-    """
-    if error is None and budget_s is None:
-        raise RecommendError("--error and --budget are both missing; at least one of them is needed")
+
+def choose(points: pd.DataFrame, error: float | None, budget_s: float | None) -> Choice:
+    """The cheapest setting whose error bound meets a target, or the one with the smallest bound within a budget."""
     budget = inf if budget_s is None else budget_s
     mine = points.sort_values("cpu_s", kind="stable")
     affordable = mine[mine["cpu_s"] <= budget]
-    able = affordable if error is None else reaching(affordable, error)
     if affordable.empty:
         remark = f"no measured setting is that cheap: the cheapest one takes {mine['cpu_s'].iloc[0]:.2g} s"
-        return Choice(mine.iloc[0].to_dict(), _others(mine, mine.iloc[0]), (remark,))
-    if error is not None and len(able):
-        return Choice(able.iloc[0].to_dict(), _others(able, able.iloc[0]))
-    chosen = affordable.sort_values(["error_bound", "cpu_s"]).iloc[0]
-    remarks = () if error is None else _why_not(mine, error, budget)
-    return Choice(chosen.to_dict(), _others(able, chosen), remarks)
-
-
-def _why_not(mine: pd.DataFrame, error: float, budget: float) -> tuple[str, ...]:
-    able, smallest, floor = reaching(mine, error), mine["error_bound"].min(), mine["reference_error"].min()
+        return _choice(mine, mine.iloc[0], remark)
+    best = affordable.sort_values(["error_bound", "cpu_s"]).iloc[0]
+    if error is None:
+        return _choice(affordable, best)
+    able, anywhere = reaching(affordable, error), reaching(mine, error)
     if len(able):
-        return (
-            f"an error of {error:g} takes {able['cpu_s'].iloc[0]:.2g} s; this is the best within {budget:g} s",
-        )
+        return _choice(able, able.iloc[0])
+    if len(anywhere):
+        takes = f"an error of {error:g} takes {anywhere['cpu_s'].iloc[0]:.2g} s"
+        return _choice(able, best, f"{takes}; this is the best within {budget:g} s")
+    smallest, floor = mine["error_bound"].min(), mine["reference_error"].min()
     reason = f"the measured range does not reach {error:g}: its smallest error bound is {smallest:.2g}"
     below = f"{error:g} is below the uncertainty of the reference, {floor:.1g}: no run can guarantee it"
-    return (reason, below) if error <= floor else (reason,)
+    return _choice(able, best, *((reason, below) if error <= floor else (reason,)))
 
 
-def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
-    """The cheapest rows of other kinds: solver, element, way to step."""
+def _choice(rows: pd.DataFrame, chosen: pd.Series, *remarks: str) -> Choice:
+    """A row, and of others the cheapest of each solver, element and way to step."""
     rows = rows.drop(index=chosen.name, errors="ignore")
     rows = rows.assign(stepping=stepping(rows), ratio=rows["cpu_s"] / chosen["cpu_s"]).sort_values("ratio")
-    return rows.drop_duplicates(["solver", "element", "stepping"]).head(5)
+    return Choice(chosen.to_dict(), rows.drop_duplicates(["solver", "element", "stepping"]).head(5), remarks)
 
 
 def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
@@ -256,27 +185,20 @@ def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
 def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
     """A script that runs a row of the points and leaves `solution`."""
     trial = trial_of(line, case)
-    own = "".join(f", {name}={value!r}" for name, value in trial.own)
+    run = ", ".join(f"{name}={value!r}" for name, value in trial.arguments.items())
+    own = "".join(f", {name}={value!r}" for name, value in trial.options if name not in SHARED)
     return "\n".join([
         "import anctmm as at",
         "from anctmm.solvers import registry",
         "from studies.cases import find_case",
         "",
         f"scene = find_case({given!r}, {case.name!r}).scene",
-        f"run = at.Discretisation({_arguments(trial.run())})",
+        f"run = at.Discretisation({run})",
         f"solution = registry.solver({trial.solver!r})(scene, run{own})",
         'print(f"{solution.status}: {1e3 * solution.cost.cpu_s:.3g} ms")',
         *(f"print({probe!r}, solution.position({probe!r})[-1])" for probe in case.probes),
         "",
     ])  # fmt: skip
-
-
-def _arguments(run: Discretisation) -> str:
-    """Fields of a discretisation as Python writes them, without those that have their defaults."""
-    given = {f.name: getattr(run, f.name) for f in fields(run) if f.init}
-    plain = {f.name: f.default for f in fields(run)}
-    names = [name for name, value in given.items() if value != plain[name]]
-    return ", ".join(f"{n}={dict(given[n]) if isinstance(given[n], dict) else given[n]!r}" for n in names)
 
 
 def rerun(choice: Choice, case: Case, given: str, measured: Measured, target: float | None) -> Rerun:
@@ -285,34 +207,31 @@ def rerun(choice: Choice, case: Case, given: str, measured: Measured, target: fl
     With a target error that the choice meets, the rerun meets it, too, if its error and the uncertainty of the
     reference do; else its error must be the table's.
     """
-    line, found = choice.line, list[Solution]()
+    line, names = choice.line, dict[str, Any]()
     code = compile(script(line, case, given), "<script>", "exec")
     with redirect_stdout(StringIO()):
-        for _ in range(REPEATS):
-            names: dict[str, Any] = {}
+        for _ in range(2):  # the first run loads and prepares what it needs: the second one has the time
             exec(code, names)
-            found.append(names["solution"])
     known = measured.histories[measured.histories["scene"] == case.name]
-    element = same_continuum(str(line["asked"]), list(dict.fromkeys(known["element"])))
-    error = worst(_error_at(found[-1], probe, known[known["element"] == element]) for probe in case.probes)
-    sure, status = float(line["reference_error"]), found[-1].status
+    element = same_continuum(str(line["asked"]), dict.fromkeys(known["element"]))
+    solution: Solution = names["solution"]
+    error, sure = _error(case, solution, known[known["element"] == element]), float(line["reference_error"])
     aim, goal = SAME * float(line["error"]) + 2.0 * sure, f"the table's {line['error']:.2g}"
     if target is not None and choice.reached:
         aim, goal = target, f"the target error {target:g}"
-    met = status.ok and isfinite(error) and error + sure <= aim
-    return Rerun(error, least([s.cost for s in found]).cpu_s, str(status), bool(met), goal)
+    met = solution.status.ok and isfinite(error) and error + sure <= aim
+    return Rerun(solution, error, bool(met), goal)
 
 
-def _error_at(solution: Solution, probe: Any, known: pd.DataFrame) -> float:
-    """Error of a solution at a probe against a history of the reference."""
-    body, key = solution.scene.probe(probe)
-    mine = known[known["body"] == body]
-    keys = mine["fraction"].map(str if isinstance(key, str) else float)
-    mine = mine[keys == key if isinstance(key, str) else np.isclose(keys, key, atol=1e-6)]
-    u, t = solution.displacement(probe), mine["t"].to_numpy()
-    if not solution.status.ok or len(t) < 2 or len(t) != len(u) or not np.allclose(solution.t, t):
+def _error(case: Case, solution: Solution, known: pd.DataFrame) -> float:
+    """Error of a solution against the histories of a reference; NaN where they have other times."""
+    mine = history(case, solution)
+    if not (solution.status.ok and len(mine) == len(known) and np.allclose(mine["t"], known["t"])):
         return float("nan")
-    return history_error(u, mine[["u_x", "u_y"]].to_numpy(), rounding_at(solution, probe))
+    shape = len(case.probes), -1, 2
+    u, v = (frame[["u_x", "u_y"]].to_numpy().reshape(shape) for frame in (mine, known))
+    rounding = [rounding_at(solution, probe) for probe in case.probes]
+    return worst(map(history_error, u, v, rounding))
 
 
 def show(choice: Choice, origin: str, console: Console) -> None:
@@ -331,6 +250,6 @@ def show(choice: Choice, origin: str, console: Console) -> None:
 
 def show_rerun(again: Rerun, console: Console) -> None:
     """Print the result of the script."""
-    verdict = "meets" if again.met else "MISSES"
-    said = f"Rerun of this script: {again.status}, error {again.error:.3g} {verdict} {again.goal}; "
-    say(console, f"{said}{milliseconds(again.cpu_s)} of CPU time.", "green" if again.met else "red")
+    status, cost = again.solution.status, milliseconds(again.solution.cost.cpu_s)
+    said = f"Rerun of this script: {status}, error {again.error:.3g} {'meets' if again.met else 'MISSES'} {again.goal}"
+    say(console, f"{said}; {cost} of CPU time.", "green" if again.met else "red")

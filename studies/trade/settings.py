@@ -1,9 +1,10 @@
 """Settings of a trade: meshes, steps and references by refinement, and every solver with every freedom on them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from math import isinf, nan
+from math import inf, isinf, nan
+from typing import TypeVar
 
 import pandas as pd
 
@@ -13,12 +14,13 @@ from anctmm.model.needs import features_of
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.cases import place_name
-from studies.engine.meshes import explicit_limit, step_below
-from studies.engine.refinement import EXPLICIT, Refined, Refinement, Setup, offer_of, rests
+from studies.engine.meshes import Mesh, StudyError, step_below
+from studies.engine.refinement import Refined, Refinement, rests
 from studies.engine.runner import Runner
-from studies.engine.study import Options, StudyError
-from studies.engine.trials import Given, Mesh, Trial
+from studies.engine.study import Options
+from studies.engine.trials import EXPLICIT, Trial, explicit_limit, offer_of
 
+Level = TypeVar("Level")
 #: Target errors; the smallest by default, by whether the run is quick.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -43,10 +45,10 @@ class Levels:
 
     def reference_of(self, element: str) -> Refined:
         """The reference of an element, or of another one with the same continuum."""
-        return self.references[same_continuum(element, list(self.references))]
+        return self.references[same_continuum(element, self.references)]
 
 
-def same_continuum(element: str, known: Sequence[str]) -> str:
+def same_continuum(element: str, known: Mapping[str, object]) -> str:
     """The element, of those with references, that has the continuum of another one."""
     same = (e for e in known if e in KINDS and KINDS[e].continuum == KINDS[element].continuum)
     return element if element in known else next(same, element)
@@ -55,78 +57,65 @@ def same_continuum(element: str, known: Sequence[str]) -> str:
 def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
     """Refine a case with each element, and use the levels of the refinement as the settings to try.
 
-    Raises
-    ------
-    StudyError
-        If none of the probes moves.
+    StudyError if none of the probes moves.
     """
-    smallest = options.error or SMALLEST[options.quick]
+    quick, smallest = options.quick, options.error or SMALLEST[options.quick]
     targets = (*(target for target in TARGETS if target > 1.01 * smallest), smallest)
+    models = ("cable",) if quick or not case.scene.beams else ("cable", "shear")
+    if options.element:  # references are of one element of each continuum
+        models = ("cable" if options.element == "quintic" else options.element,)
     runner.heading = f"{case.name}, reference: "
-    found = {
-        e: Refinement(case, Setup(element=e), runner).refined(SHARE * smallest)
-        for e in _models(case, options)
+    found = {e: Refinement(case, runner, element=e).refined(SHARE * smallest) for e in models}
+    _check_moves(case, found)
+    meshes = {
+        e: options.meshes or _few(run.levels.mesh_at, run.i if run.known else 0, quick)
+        for e, run in found.items()
     }
-    _check_moves(case, list(found.values()))
-    meshes = {e: options.meshes or _meshes(run, options.quick) for e, run in found.items()}
-    if "cable" in meshes and not options.quick and case.scene.beams:  # of high order: coarser meshes suffice
+    if "cable" in meshes and not quick and case.scene.beams:  # of high order: coarser meshes suffice
         meshes["quintic"] = options.meshes or meshes["cable"][: (len(meshes["cable"]) + 1) // 2]
-    steps = options.steps or _steps(next(iter(found.values())), options.quick)
+    first = found[models[0]]
+    steps = options.steps or _few(lambda j: first.levels.dt_at(first.i, j), first.j, quick)[-MOST_STEPS:]
     asked = {e: those for e, those in meshes.items() if options.element in (None, e)}
     return Levels(case, asked, steps, found, targets)
 
 
-def _models(case: Case, options: Options) -> tuple[str, ...]:
-    """Elements whose refined runs are references: one of each continuum asked for."""
-    if options.element:
-        return ("cable" if options.element == "quintic" else options.element,)
-    return ("cable",) if options.quick or not case.scene.beams else ("cable", "shear")
-
-
-def _check_moves(case: Case, found: Sequence[Refined]) -> None:
-    complete = [run.solution for run in found if run.solution.status.ok]
+def _check_moves(case: Case, found: Mapping[str, Refined]) -> None:
+    complete = [run.solution for run in found.values() if run.solution.status.ok]
     if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
-        raise StudyError(
-            f"case {case.name!r} has probes {', '.join(map(place_name, case.probes))}, none of which moves; "
-            f"errors are those of displacements, and a place that moves is needed"
-        )
+        probes = ", ".join(map(place_name, case.probes))
+        raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
 
 
-def _meshes(run: Refined, quick: bool) -> tuple[Mesh, ...]:
-    """Meshes of the levels up to that of a reference."""
-    if not run.known:
-        return (run.levels.mesh_at(0),)
-    levels = [run.levels.mesh_at(i) for i in range(run.i + 1)]
+def _few(at: Callable[[int], Level], last: int, quick: bool) -> tuple[Level, ...]:
+    """Levels up to that of a reference; of a quick run the last and some before it, every second one."""
+    levels = [at(k) for k in range(last + 1)]
     return tuple(levels[::-2][FEWEST::-1] if quick else levels)
-
-
-def _steps(run: Refined, quick: bool) -> tuple[float, ...]:
-    """Steps of the levels down to that of a reference."""
-    levels = [run.levels.dt_at(run.i, j) for j in range(run.j + 1)]
-    return tuple(levels[::-2][FEWEST::-1] if quick else levels[-MOST_STEPS:])
 
 
 def grid(levels: Levels, options: Options) -> pd.DataFrame:
     """Every solver with every freedom that it offers, on the same meshes with the same steps: a row a setting.
 
     Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); kind (solver, element
-    and way to step); round (place in the order of the runs, from coarse to fine).
-
-    Raises
-    ------
-    StudyError
-        If no solver offers the requested element and integrator.
+    and way to step); round (place in the order of the runs, from coarse to fine). StudyError without any row.
     """
     late = dict(not_timed(levels.case, options))
     solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
-    every = product(levels.meshes, solvers)
-    rows = [row for element, solver in every for row in _settings(levels, solver, element, options)]
-    if not rows:
-        asked = " ".join(filter(None, (options.element, options.integrator)))
-        raise StudyError(
-            f"--element and --integrator ask for {asked}; no solver of {', '.join(solvers)} offers that"
-        )
-    return pd.DataFrame(rows, columns=["trial", "tightest", "kind", "round"])
+    pairs = product(levels.meshes, solvers)
+    every = [family for pair in pairs for family in _families(levels, *pair, options)]
+    if not every:
+        asked = " ".join(filter(None, (options.element, options.integrator))) or "a run"
+        raise StudyError(f"{asked} is asked for; no solver of {', '.join(solvers)} offers that")
+    rows = [
+        {
+            "trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j),
+            "kind": (family.solver, family.element, stepping),
+        }
+        for family, tightest in every
+        for stepping in [family.integrator + (", error-controlled" if family.error_controlled else "")]
+        for k, mesh in enumerate(_meshes_of(levels, family, options.quick))
+        for j, dt in enumerate(steps_of(levels, replace(family, mesh=mesh)))
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def not_timed(case: Case, options: Options) -> Iterator[tuple[str, str]]:
@@ -138,10 +127,8 @@ def not_timed(case: Case, options: Options) -> Iterator[tuple[str, str]]:
             yield solver, f"{solver} is not timed: {why}; --solvers {solver} times it all the same."
 
 
-def _settings(
-    levels: Levels, solver: str, element: str, options: Options
-) -> Iterator[tuple[Trial, bool, tuple[str, str, str], tuple[int, int]]]:
-    """Rows of a solver and an element: each way to step, on each mesh, by each step."""
+def _families(levels: Levels, element: str, solver: str, options: Options) -> Iterator[tuple[Trial, bool]]:
+    """Runs of a solver and an element without mesh and step, and whether the bounds of the iteration are tightest."""
     offer, quick = offer_of(solver), options.quick
     if (offer.element and element not in offer.limits) or offer.lacking({element}):
         return
@@ -150,34 +137,15 @@ def _settings(
     slow = frozenset() if options.solvers else offer.slow_with  # made for verification, and not for speed
     integrators = [i for i in offer.integrators if options.integrator in (None, i) and i not in slow]
     for quadrature, integrator in product(rules[-1:] if quick else rules, integrators):
-        for given, tightest in _choices(solver, integrator, quick):
-            setting = {
-                "element": element,
-                "quadrature": quadrature,
-                "integrator": integrator,
-                "options": given,
-            }
-            family = Trial.of(levels.case, solver, (), **setting)
-            stepping = integrator + (", error-controlled" if family.error_controlled else "")
-            for k, mesh in enumerate(_meshes_of(levels, family, quick)):
-                on_mesh = replace(family, mesh=mesh)
-                for j, dt in enumerate((nan,) if family.error_controlled else steps_of(levels, on_mesh)):
-                    yield replace(on_mesh, dt=dt), tightest, (solver, element, stepping), (k, j)
-
-
-def _choices(solver: str, integrator: str, quick: bool) -> Iterator[tuple[Given, bool]]:
-    """Bounds of the iteration, the tightest first, and tolerances of error control."""
-    if integrator == EXPLICIT:
-        yield (), True
-        return
-    yield from ((given, k == 0) for k, given in enumerate(choices_of(solver)))
-    for tolerance in TOLERANCES[quick]:
-        yield (("tolerance", tolerance), ("newton_tolerance", NEWTON_TOLERANCES[-1])), True
-
-
-def choices_of(solver: str) -> list[Given]:
-    """Options of each choice of a solver's implicit runs, the one with the tightest bounds first."""
-    return [tuple(choice.items()) for choice in offer_of(solver).choices]
+        plain = Trial.of(levels.case, solver, element=element, quadrature=quadrature, integrator=integrator)
+        if integrator == EXPLICIT:
+            yield plain, True
+            continue
+        choices = (tuple(choice.items()) for choice in offer.choices)
+        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(choices))
+        newton = ("newton_tolerance", NEWTON_TOLERANCES[-1])
+        for tolerance in TOLERANCES[quick]:
+            yield replace(plain, options=(("tolerance", tolerance), newton)), True
 
 
 def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:
@@ -190,10 +158,10 @@ def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:
 
 
 def steps_of(levels: Levels, trial: Trial) -> tuple[float, ...]:
-    """Steps on a mesh, s: explicit ones take the largest safe step and half of it."""
-    if trial.integrator != EXPLICIT:
-        return levels.steps
-    limit = explicit_limit(levels.case, trial.by_body, element=trial.element, quadrature=trial.quadrature)
+    """Steps on a mesh, s: explicit ones take the largest safe step and half of it; a tolerance has none."""
+    if trial.error_controlled:
+        return (nan,)
+    limit = explicit_limit(trial) if trial.integrator == EXPLICIT else inf
     if isinf(limit):
         return levels.steps
     largest = step_below(levels.case, limit)

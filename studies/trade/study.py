@@ -1,6 +1,5 @@
 """The trade of error for time of one case: every solver over meshes and steps, and the front."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from studies.engine.files import file_name
 from studies.engine.fronts import front
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result, StudyError, check_fits
-from studies.engine.tables import Table, error_text, milliseconds, records, times
+from studies.engine.tables import BUILD, Table, milliseconds, records
 from studies.report.plots import floor, log_axes, look_of, picture
 from studies.trade import tables as made
 from studies.trade.measure import like_with_like, solve_all, time_near
@@ -29,52 +28,39 @@ INDEPENDENCE = (
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of a case that moves.
-
-    Raises
-    ------
-    StudyError
-        If the case is static, or nothing is run with the options.
-    """
+    """Run the study of a case that moves; StudyError if it is static, or nothing is run with the options."""
     case = options.case
     if case.static:
-        raise StudyError(
-            f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
-            f"`anctmm study convergence` shows its errors over the mesh"
-        )
+        raise StudyError(f"case {case.name!r} is a static equilibrium; a trade needs a motion (t_end)")
     check_fits(options, case)
     levels = levels_of(case, options, runner)
     rows, kinds = solve_all(levels, grid(levels, options), runner)
     note = "outcome: of all runs of a solver, element and way to step."
     common = Table("outcomes", "Outcomes by solver", kinds, (note,)), made.references(levels, runner)
+    none = f"No setting has an error; reference: {rows['reference'].iloc[0]}."
+    why = (f"{r['solver']}, {r['element']}: {r['outcome']}: {r['why']}" for r in records(kinds) if r["why"])
     plain = Result(
-        "trade", "Accuracy and cost", QUESTION, tuple(_why_none(rows, kinds)), (*assumptions_of(case), INDEPENDENCE),
-        common, good=False,
+        "trade", "Accuracy and cost", QUESTION, (none, *why), (*assumptions_of(case), INDEPENDENCE), common, good=False
     )  # fmt: skip
     if not (rows["error_bound"] > 0.0).any():
         return plain
     like = like_with_like(rows)
     runner.heading = f"{case.name}, "
-    rows, samples = time_near(rows, runner, like)
+    timed, samples = time_near(rows, runner, like)
+    rows = timed.drop(columns=["trial", "tightest", "kind"])
     best, equal = made.recommended(rows, levels.targets), made.at_equal_error(rows, levels.targets)
     answer = _answer(best.frame, equal.frame)
     late = (why for _, why in not_timed(case, options))
     return replace(
         plain, good=True, findings=(f"{answer.question} {answer.figure}: {answer.take}", *late),
         tables=(
-            best, equal, made.same_setting(rows, like), *common, made.front_table(rows), made.points_table(rows),
-            made.histories(levels), Table("samples", "Raw time samples", samples, place="study"),
+            best, equal, made.same_setting(rows, like), *common, made.front_table(rows), made.histories(levels),
+            Table("points", "All settings", rows, (made.BOUND, made.TIMES, BUILD), "study"),
+            Table("samples", "Raw time samples", samples, place="study"),
         ),
         pictures=(_picture(case.name, rows),), answers=(answer,),
         shown=("recommended", "at_equal_error"), left_out=LEFT_OUT if options.quick and not options.element else "",
     )  # fmt: skip
-
-
-def _why_none(rows: pd.DataFrame, kinds: pd.DataFrame) -> Iterator[str]:
-    """Sentences where no setting has an error."""
-    yield f"No setting has an error; reference: {rows['reference'].iloc[0]}."
-    for r in records(kinds[kinds["why"] != ""]):
-        yield f"{r['solver']}, {r['element']}: {r['outcome']}: {r['why']}"
 
 
 def _answer(best: pd.DataFrame, equal: pd.DataFrame) -> Answer:
@@ -84,18 +70,15 @@ def _answer(best: pd.DataFrame, equal: pd.DataFrame) -> Answer:
     question = f"{line['scene']}: which setting for an error of {target:g}?"
     if line["status"] != "ok":
         return Answer(question, f"error {line['error_bound']:.1g}", f"{line['status']}: {line['setting']}.")
-    slower = [
-        f"{r['solver']} {times(r['ratio'])} times by steps, {times(r['ratio_whole'])} by whole calls"
+    slower = "; ".join(
+        f"{r['solver']} {r['ratio']:.3g} times by steps, {r['ratio_whole']:.3g} by whole calls"
         for r in records(equal[(equal["target"] == target) & (equal["ratio"] > 1.0)])
-    ]
-    others = f" Other solvers at their best settings take longer: {'; '.join(slower)}." if slower else ""
-    bound = (
-        f"error bound {line['error_bound']:.2g} ({made.parts_text(line)}), measured error {error_text(line)}"
     )
+    others = f" Other solvers at their best settings take longer: {slower}." if slower else ""
+    bound = f"error bound {line['error_bound']:.2g} ({made.parts_text(line)}), error {line['error']:.2g}"
     figure = f"{milliseconds(line['cpu_s'])} of steps, {milliseconds(line['whole_s'])} of the whole call"
-    return Answer(
-        question, figure, f"{line['setting']} ({line['dofs']} coordinates, one thread): {bound}.{others}"
-    )
+    take = f"{line['setting']} ({line['dofs']} coordinates, one thread): {bound}.{others}"
+    return Answer(question, figure, take)
 
 
 def _picture(scene: str, rows: pd.DataFrame) -> Picture:

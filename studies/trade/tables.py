@@ -9,14 +9,15 @@ from typing import Any
 import pandas as pd
 
 from anctmm.model.case import Case
+from anctmm.results.solution import Solution
 from anctmm.solvers import registry
-from studies.engine.fronts import NEAR, cost_at, excess, reaching
+from studies.engine.fronts import NEAR, cost_at, front, reaching
 from studies.engine.identity import identity
-from studies.engine.refinement import Refined, difference, offer_of
+from studies.engine.refinement import Refined, difference
 from studies.engine.runner import Runner
-from studies.engine.tables import BELOW, BUILD, Table, error_text, records
+from studies.engine.tables import Table, records
 from studies.engine.timing import SHORT
-from studies.engine.trials import NO_BEAMS
+from studies.engine.trials import NO_BEAMS, offer_of
 from studies.trade.settings import Levels
 
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
@@ -28,36 +29,31 @@ FOUND = [
     "error", "mesh_error", "step_error", "reference_error", "error_bound", "cpu_s", "whole_s", "cpu_spread", "build_s",
     "repeats", "steps", "newton_iterations", "dofs",
 ]  # fmt: skip
-#: Columns that are the same in runs that are compared like with like.
+#: Columns that are the same in runs that are compared like with like; and ratios of those runs.
 SAME = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
+RATIOS = ["ratio", "ratio_whole", "corrections_per_step", "ratio_per_correction"]
 BOUND = (
-    "error_bound: mesh_error + step_error + reference_error. A setting meets a target if this sum does, for every "
-    "solver: errors of mesh and step that cancel in part are chance, which another motion changes. mesh_error: of a "
-    "run by a fine step on the same mesh against the reference; step_error: against that run, and no smaller than by "
-    "the solver's tightest bound of Newton's iteration; reference_error: uncertainty of the reference. error: of the "
-    "run itself against the reference."
+    "error_bound: mesh_error + step_error + reference_error; a setting meets a target if this sum does, as errors that "
+    "cancel in part are chance. mesh_error: of a run by a fine step on the same mesh against the reference; "
+    "step_error: against that run, and no smaller than by the solver's tightest bound of Newton's iteration; "
+    "reference_error: uncertainty of the reference. error: of the run itself against the reference."
 )
 TIMES = (
-    f"cpu_s: of the steps; whole_s: of the whole call. Settings within {NEAR:g} times the front of their solver ran "
-    "again in turn on one core, and the least of these runs counts; of a run that takes less than "
-    f"{SHORT:g} s the second one in a row is timed. Of all others cpu_s is of one run."
+    f"cpu_s: of the steps; whole_s: of the whole call; within {NEAR:g} times the front of their solver the least of "
+    f"runs in turn on one core (below {SHORT:g} s of the second call in a row), else of one run."
 )
 EQUAL = (
-    "For each solver its cheapest setting that meets the target, by steps (cpu_s) and by the whole call (whole_s); "
-    "ratio, ratio_whole: over the cheapest of all solvers. ratio_at_error: of the steps at exactly the target, "
-    "interpolated on each solver's own front, whatever errors its meshes and steps happen to have.",
+    "The cheapest setting of each solver that meets the target, by steps (cpu_s) and whole call (whole_s); ratio, "
+    "ratio_whole: over the cheapest of all; ratio_at_error: on each solver's own front, at exactly the target.",
     "corrections_per_step: Newton's; ratio_per_correction: of the CPU time of a coordinate's correction. Solvers end "
     "their iteration by criteria of their own (Exudyn ignores newton_tolerance).",
 )
 SAME_NOTE = "Each by the tightest bounds of its iteration; ratios as at equal error, over the cheapest at that setting."
 REFERENCES = (
-    "uncertainty: of mesh and step, by Richardson's extrapolation over levels that are halved. check: another solver "
-    "at the same mesh and step; where it shares the elements it checks elimination and time stepping, and a solver "
-    "with elements of its own checks the forces, too.",
-    "from_cable: difference of the model to that of cables, which no mesh removes. case: identity of scene, probes and "
-    "times.",
+    "uncertainty: of mesh and step, by Richardson's extrapolation. check: another solver at the same mesh and step; "
+    "one that shares the elements checks elimination and time stepping, others check the forces, too.",
+    "from_cable: difference of the model to that of cables. case: identity of scene, probes and times.",
 )
-RATIOS = ["ratio", "ratio_whole", "corrections_per_step", "ratio_per_correction"]
 
 
 def setting_of(line: Mapping[Any, Any]) -> str:
@@ -79,9 +75,8 @@ def stepping(rows: pd.DataFrame) -> pd.Series:
 
 def parts_text(line: Mapping[Any, Any]) -> str:
     """Parts of an error in words."""
-    mesh = [] if line["elements"] == NO_BEAMS else [f"mesh {line['mesh_error']:.1g}"]
-    step, reference = error_text(line, "step_error", ".1g"), f"{line['reference_error']:.1g}"
-    return " + ".join([*mesh, f"step {step}", f"reference {reference}"])
+    mesh = "" if line["elements"] == NO_BEAMS else f"mesh {line['mesh_error']:.1g} + "
+    return f"{mesh}step {line['step_error']:.1g} + reference {line['reference_error']:.1g}"
 
 
 def recommended(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
@@ -93,28 +88,26 @@ def recommended(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
         line = (able if len(able) else timed.sort_values("error_bound")).iloc[0].to_dict()
         status = "ok" if len(able) else "not reached: no smaller error bound was measured"
         lines.append(line | {"target": target, "setting": setting_of(line), "status": status})
-    columns = ["scene", "target", "setting", *FOUND, "status", *SETTING]
+    frame = pd.DataFrame(lines, columns=["scene", "target", "setting", *FOUND, "status", *SETTING])
     note = "The cheapest measured setting whose error bound meets the target. `anctmm recommend` prints its script."
-    frame = pd.DataFrame(lines, columns=columns)
     return Table("recommended", "Recommended settings", frame, (note, BOUND, TIMES))
 
 
 def at_equal_error(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
     """The cheapest setting of each solver for each target error, and how its time compares with the cheapest of all."""
-    timed = rows[rows["in_turn"]]
     columns = [
         "scene", "target", "solver", "setting", "error_bound", "dofs", "cpu_s", "whole_s", *RATIOS, "ratio_at_error",
         "status",
     ]  # fmt: skip
-    frames = [_at(timed, target, list(dict.fromkeys(rows["solver"]))) for target in targets]
+    frames = [_at(rows, target) for target in targets]
     frames = [frame for frame in frames if len(frame)] or [pd.DataFrame(columns=columns)]
-    return Table(
-        "at_equal_error", "Solvers at equal error", pd.concat(frames, ignore_index=True)[columns], EQUAL
-    )
+    frame = pd.concat(frames, ignore_index=True)[columns]
+    return Table("at_equal_error", "Solvers at equal error", frame, EQUAL)
 
 
-def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> pd.DataFrame:
+def _at(rows: pd.DataFrame, target: float) -> pd.DataFrame:
     """A row a solver at one target, the cheapest first; none where no solver meets it."""
+    timed, solvers = rows[rows["in_turn"]], rows["solver"].unique()
     met = reaching(timed, target)
     if met.empty:
         return met
@@ -122,13 +115,9 @@ def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> pd.DataFr
     exact = {s: cost_at(timed[timed["solver"] == s], target) for s in solvers}
     best["setting"] = [setting_of(line) for line in records(best)]
     best["ratio_at_error"] = best["solver"].map(exact) / exact[best["solver"].iloc[0]]
-    least = timed.groupby("solver")["error_bound"].min()
-    missed = [s for s in solvers if s not in set(best["solver"])]
-    bounds = [least.get(s, nan) for s in missed]
-    why = [
-        f"not reached: {b:.1e} at best" if b > 0.0 else "not reached: no run with an error" for b in bounds
-    ]
-    others = pd.DataFrame({"solver": missed, "setting": "-", "status": why})
+    missed = timed.groupby("solver")["error_bound"].min().reindex(solvers).drop(best["solver"])
+    why = [f"not reached: {b:.1e} at best" if b > 0 else "not reached: no run with an error" for b in missed]
+    others = pd.DataFrame({"solver": missed.index, "setting": "-", "status": why})
     return pd.concat([best.assign(status="ok"), others]).assign(target=target, scene=timed["scene"].iloc[0])
 
 
@@ -157,19 +146,10 @@ def front_table(rows: pd.DataFrame) -> Table:
     """Settings on the front of their solver, element and way to step; excess is 1 on the front of all."""
     timed = rows[rows["in_turn"] & (rows["error_bound"] > 0.0)]
     kinds = [timed["solver"], timed["element"], stepping(timed)]
-    own = pd.concat([timed["excess"][:0], *(excess(mine) for _, mine in timed.groupby(kinds, sort=False))])
-    chosen = timed[own.reindex(timed.index) == 1.0].sort_values(["solver", "cpu_s"])
+    fronts = [front(own) for _, own in timed.groupby(kinds, sort=False)]
+    frame = pd.concat(fronts or [timed]).sort_values(["solver", "cpu_s"]).reset_index(drop=True)
     note = "excess: cost over that of the cheapest setting of no larger error bound: 1 on the front of all."
-    return Table("front", "Pareto fronts of all solvers", _public(chosen), (note, BOUND, TIMES), "files")
-
-
-def points_table(rows: pd.DataFrame) -> Table:
-    """All settings."""
-    return Table("points", "All settings", _public(rows), (BOUND, TIMES, BELOW, BUILD), "study")
-
-
-def _public(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.drop(columns=["trial", "tightest", "kind"]).reset_index(drop=True)
+    return Table("front", "Pareto fronts of all solvers", frame, (note, BOUND, TIMES), "files")
 
 
 def references(levels: Levels, runner: Runner) -> Table:
@@ -192,22 +172,26 @@ def references(levels: Levels, runner: Runner) -> Table:
 def _checks(case: Case, element: str, found: Refined, runner: Runner) -> Iterator[tuple[str, float]]:
     """Other solvers with the same element that run the reference's setting, and their differences."""
     for solver in registry.names() if found.known else ():
-        offer = offer_of(solver)
-        can = offer.element_of(element) == element and not offer.lacking({element})
-        if can and solver != found.trial.solver:
-            solution = runner.solve(replace(found.trial, solver=solver))
-            if solution.status.ok:
-                yield solver, difference(solution, found.solution, case.probes)
+        other = replace(found.trial, solver=solver)
+        can = other.used == element and not offer_of(solver).lacking({element})
+        if can and other != found.trial and (solution := runner.solve(other)).status.ok:
+            yield solver, difference(solution, found.solution, case.probes)
 
 
 def histories(levels: Levels) -> Table:
     """Displacements of the probes in the references: `anctmm recommend` compares its rerun with them."""
+    known = {element: found.solution for element, found in levels.references.items() if found.known}
+    frames = [history(levels.case, solution).assign(element=element) for element, solution in known.items()]
     columns = ["scene", "element", "body", "fraction", "t", "u_x", "u_y"]
-    parts = [pd.DataFrame(columns=columns)]
-    for element, found in levels.references.items():
-        for probe in levels.case.probes if found.known else ():
-            about = levels.case.name, element, *levels.case.scene.probe(probe)
-            t, u = found.solution.t, found.solution.displacement(probe)
-            parts.append(pd.DataFrame(dict(zip(columns, (*about, t, *u.T), strict=True))))
-    frame = pd.concat(parts[1:] or parts, ignore_index=True)
+    frame = pd.concat(frames, ignore_index=True)[columns] if frames else pd.DataFrame(columns=columns)
     return Table("histories", "Histories of the references", frame, ("m, over time, s.",), "files")
+
+
+def history(case: Case, solution: Solution) -> pd.DataFrame:
+    """Displacements of the probes over time, one probe after the other."""
+    frames = []
+    for probe in case.probes:
+        (body, fraction), (x, y) = case.scene.probe(probe), solution.displacement(probe).T
+        about = {"scene": case.name, "body": body, "fraction": fraction, "t": solution.t}
+        frames.append(pd.DataFrame({**about, "u_x": x, "u_y": y}))
+    return pd.concat(frames, ignore_index=True)

@@ -14,7 +14,7 @@ from anctmm.results.status import Status
 from anctmm.solution import LagrangeField
 from studies.cases import cases_in, find_case
 from studies.engine.meshes import coarsest_mesh, longest_step, parts_of, stable_step
-from studies.engine.refinement import STEP, Refinement, Setup
+from studies.engine.refinement import STEP, Refinement
 from studies.engine.runner import Runner
 from studies.engine.values import values_of
 
@@ -24,7 +24,7 @@ ROD, STEEL = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1500.0)
 
 @cache
 def refined(file, name=None, target=3e-3, **options):
-    return Refinement(find_case(file, name), Setup(**options), Runner()).refined(target)
+    return Refinement(find_case(file, name), Runner(), **options).refined(target)
 
 
 # --- meshes and steps -------------------------------------------------------------------------------------------
@@ -47,7 +47,7 @@ def test_a_mesh_has_a_node_at_each_joint(fraction, parts):
 
 
 def test_a_mesh_with_a_pin_at_a_fifth_is_refined():
-    found = Refinement(mast(0.2), Setup(), Runner()).refined(1e-2)
+    found = Refinement(mast(0.2), Runner()).refined(1e-2)
     assert found.reached
     assert found.trial.mesh[0] % 5 == 0
 
@@ -68,8 +68,7 @@ def test_the_stable_step_is_that_of_a_known_oscillator():
     mass = at.PointMass("m", 2.0, (1.0, 0.0))
     spring = at.Spring("m.center", (0.0, 0.0), stiffness=800.0)
     scene = at.Scene("oscillator", [mass], [at.Slider("m.center", direction=(1, 0))], connectors=[spring])
-    assert stable_step(scene, 1, 1.0) == pytest.approx(2.0 / 20.0, rel=0.02)
-    assert stable_step(scene, 1, 0.01) == float("inf")
+    assert stable_step(scene, 1) == pytest.approx(2.0 / 20.0)
 
 
 def masses_on(**connector):
@@ -96,10 +95,10 @@ def beam_on(tau=0.0, **connector):
 )
 def test_explicit_steps_that_are_chosen_are_stable(case):
     """Springs, dampers and damping of materials shorten them, and are all there is where nothing bends."""
-    first = Refinement(case, Setup(integrator="zhai"), Runner()).trial(0, 0)
+    first = Refinement(case, Runner(), integrator="zhai").trial(0, 0)
     assert at.solve(first.scene, first.run()).status.ok
-    limit = stable_step(case.scene, first.by_body, 1.0)
-    too_long = at.Discretisation(mesh=first.by_body, integrator="zhai", dt=1.3 * limit, t_end=1.3 * limit)
+    limit = stable_step(case.scene, first.by_beam)
+    too_long = at.Discretisation(mesh=first.by_beam, integrator="zhai", dt=1.3 * limit, t_end=1.3 * limit)
     with pytest.raises(StabilityError):
         at.solve(case.scene, too_long)
 
@@ -136,7 +135,7 @@ def test_of_a_probe_that_turns_and_does_not_move_the_angle_converges():
     spring = at.RotationalSpring("wheel.center", stiffness=40.0)
     pin, torque = at.Pin("wheel.center"), at.Torque("wheel.center", 5.0)
     case = at.Case(at.Scene("w", [wheel], [pin], [torque], connectors=[spring]), ["wheel.center"], t_end=0.2)
-    found = Refinement(case, Setup(), Runner()).refined(1e-2)
+    found = Refinement(case, Runner()).refined(1e-2)
     exact = 5.0 / 40.0 * (1.0 - np.cos(np.sqrt(40.0 / 0.02) * found.solution.t))
     wrong = np.sqrt(np.mean((found.solution.angle("wheel.center") - exact) ** 2)) / exact.max()
     assert found.reached
@@ -148,7 +147,7 @@ def test_orders_are_those_of_theory():
     assert found.reached
     assert found.mesh.order == pytest.approx(2.0, abs=0.1)
     case, steps = find_case(ARM), [2.5e-4, 1.25e-4, 6.25e-5]
-    moving = Refinement(case, Setup(), Runner(), meshes=[(4,)], steps=steps).refined(1e-1)
+    moving = Refinement(case, Runner(), meshes=[(4,)], steps=steps).refined(1e-1)
     assert moving.step.order == pytest.approx(2.0, abs=0.3)
 
 
@@ -161,19 +160,19 @@ def test_explicit_and_implicit_steps_tend_to_one_motion():
 
 def test_what_is_given_is_not_refined():
     case, runner = find_case(DOUBLE_PENDULUM), Runner()
-    found = Refinement(case, Setup(), runner, meshes=[(3,)]).refined(1e-1)
+    found = Refinement(case, runner, meshes=[(3,)]).refined(1e-1)
     assert found.trial.mesh == (3,)
     assert found.mesh.error == 0.0 < found.step.error <= 1e-1
-    found = Refinement(case, Setup(), runner, steps=[5e-3]).refined(1e-1)
+    found = Refinement(case, runner, steps=[5e-3]).refined(1e-1)
     assert found.trial.dt == 5e-3
     assert found.step.error == 0.0 < found.mesh.error <= 1e-1
-    both = Refinement(case, Setup(), runner, meshes=[(3,)], steps=[5e-3]).refined(1e-2)
+    both = Refinement(case, runner, meshes=[(3,)], steps=[5e-3]).refined(1e-2)
     assert len(both.levels.solutions) == 1
     assert all(isnan(value.uncertainty) for value in values_of(both))
 
 
 def test_a_target_out_of_reach_is_named():
-    found = Refinement(find_case(THREE_SUPPORTS), Setup(), Runner(), most_work=3e3).refined(1e-6)
+    found = Refinement(find_case(THREE_SUPPORTS), Runner(), most_work=3e3).refined(1e-6)
     assert not found.reached
     assert found.error > 1e-6
     assert "more than 3e+03 elements times steps" in found.reason
@@ -195,7 +194,7 @@ def fails_by_long_steps(scene, run):
 def made_up(solver, target):
     beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), STEEL)
     case = at.Case(at.Scene("s", [beam], gravity=(0.0, -1.0)), ["b.end"], t_end=1.0, output_dt=0.1)
-    return Refinement(case, Setup(), Runner(resolve=lambda name: solver), most_work=2e4).refined(target)
+    return Refinement(case, Runner(resolve=lambda name: solver), most_work=2e4).refined(target)
 
 
 def test_where_longer_steps_fail_a_shorter_one_is_tried_on_the_same_mesh():
@@ -246,5 +245,5 @@ def test_a_place_that_rests_by_symmetry_has_no_error_of_its_own():
     joints = [at.Clamp("l.start"), at.Weld("l.end", "r.start"), at.Clamp("r.end")]
     loads = [at.Force(("l", 0.5), (3.0, 7.0)), at.Force(("r", 0.5), (-3.0, -7.0))]
     case = at.Case(at.Scene("sym", halves, joints, loads=loads), ["l.end", ("l", 0.5)], t_end=None)
-    found = Refinement(case, Setup(), Runner()).refined(1e-2)
+    found = Refinement(case, Runner()).refined(1e-2)
     assert found.reached, found.reason

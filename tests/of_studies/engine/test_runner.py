@@ -161,7 +161,7 @@ def test_times_are_stored_with_their_machine(tmp_path, monkeypatch):
 def test_of_runs_in_turn_the_least_counts():
     numbers = [(3.0, 9.0, 2.0), (1.0, 4.0, 5.0), (2.0, 5.0, 3.0)]
     found = least([at.Cost(cpu, wall, 10, build_s=build) for cpu, wall, build in numbers])
-    assert (found.cpu_s, found.build_s, found.repeats, found.cpu_spread) == (1.0, 2.0, 3, 2.0)
+    assert found == {"cpu_s": 1.0, "build_s": 2.0, "repeats": 3, "cpu_spread": 2.0}
 
 
 @pytest.mark.parametrize(("short", "calls"), [(60.0, 2), (0.0, 1)])

@@ -25,7 +25,7 @@ def test_solvers_of_one_element_agree_and_others_take_part_where_they_can():
 
 
 def test_an_element_can_be_chosen():
-    pairs = agreement(True, ["anctmm", "global-dae"], element="quintic", dt=1e-2, mesh=2)
+    pairs = agreement(True, ["anctmm", "global-dae"], element="quintic", dt=1e-2, mesh=(2,))
     assert set(pairs["element"]) == {"quintic"}
     assert pairs["difference"].max() < 1e-6
     with pytest.raises(UnknownOptionError, match="rope"):

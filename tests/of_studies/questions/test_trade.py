@@ -10,7 +10,7 @@ from user_cases import ARM, PORTAL_FRAME
 
 import anctmm as at
 from studies.cases import find_case
-from studies.engine.refinement import Refinement, Setup
+from studies.engine.refinement import Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError
 from studies.trade import recommend
@@ -39,7 +39,7 @@ def test_a_recommended_setting_meets_its_target_against_a_far_finer_run(result):
     best = result.table("recommended").frame
     assert best["status"].eq("ok").all()
     assert (best["mesh_error"] + best["step_error"] + best["reference_error"] <= best["target"]).all()
-    far = Refinement(CASE, Setup(integrator="esdirk"), Runner()).refined(1e-4)
+    far = Refinement(CASE, Runner(), integrator="esdirk").refined(1e-4)
     for line in best.to_dict("records"):
         solution = Runner().solve(recommend.trial_of(line, CASE))
         assert at.compare(solution, far.solution, CASE.probes).error <= line["target"]
@@ -155,7 +155,7 @@ def test_recommendations_are_found_where_the_study_writes_and_meet_their_target(
 def test_a_trade_of_a_changed_case_is_refused(result):
     measured = recommend.of_result(result)
     recommend.check_case(measured, CASE)
-    with pytest.raises(recommend.RecommendError, match="were changed"):
+    with pytest.raises(StudyError, match="were changed"):
         recommend.check_case(measured, replace(CASE, t_end=0.2))
 
 
@@ -169,15 +169,13 @@ def test_a_budget_and_a_target_out_of_reach():
     small = recommend.choose(mine, 1e-6, None)
     assert "does not reach" in small.remarks[0]
     assert "uncertainty of the reference" in small.remarks[1]
-    with pytest.raises(recommend.RecommendError, match="at least one"):
-        recommend.choose(mine, None, None)
-    with pytest.raises(recommend.RecommendError, match="--solvers is 'c'"):
+    with pytest.raises(StudyError, match="--solvers is 'c'"):
         recommend.narrowed(points(), "s", Options(solvers=("c",)))
 
 
 def test_a_table_that_is_another_one_is_named(tmp_path):
-    with pytest.raises(recommend.RecommendError, match=r"front\.csv cannot be read"):
+    with pytest.raises(StudyError, match=r"front\.csv cannot be read"):
         recommend.read(tmp_path)
     (tmp_path / "front.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(recommend.RecommendError, match="has no column 'scene'"):
+    with pytest.raises(StudyError, match="has no column 'error_bound'"):
         recommend.read(tmp_path)

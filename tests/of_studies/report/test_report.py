@@ -12,7 +12,7 @@ from studies.cases import find_case
 from studies.engine import provenance
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Result, StudyError
-from studies.engine.tables import Table, for_people, write_table
+from studies.engine.tables import Table, write_table
 from studies.report.page import html, page
 from studies.report.plots import look_of, picture
 from studies.report.whole import Done, defaults, join, run_study, write_report
@@ -41,11 +41,6 @@ def test_the_page_has_all_its_parts_and_no_mark_of_a_table():
         assert part in text
     assert "<b>" not in html(made().tables[0])
     assert "a &lt;b&gt;" in html(made().tables[0])
-
-
-def test_errors_below_their_reference_are_shown_as_such():
-    assert for_people(FRAME)["error"].tolist()[0] == "< 0.0001"
-    assert "&lt; 0.0001" in html(made().tables[0])
 
 
 def test_a_report_has_one_table_of_all_cases_and_none_of_a_study_alone(tmp_path):
