@@ -177,7 +177,8 @@ def bench(quick: given.Quick = False, out: given.Out = RESULTS) -> None:
     with Console(stderr=True).status("starting") as shown:
         result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
     folder = write_study(Done("", result), out)
-    benchmark.glance(result, Console())
+    for table in result.tables[:2]:
+        benchmark.show(table.frame, table.title, Console())
     print(f"\nWritten to {folder}/")
 
 
