@@ -181,7 +181,7 @@ class Rods(Adapter):
         }
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
         T, U, V = np.array(self.energies[:n]).reshape(n, 3).T
-        moments = any(moment for rod in self.rods.values() for moment, _ in rod.moments.values())
+        moments = any(any(rod.moments.values()) for rod in self.rods.values())
         energy = None if self.static or moments else Energy(T, U, V - V[:1], np.zeros(n))
         return Answer(t, fields, cost, status, dofs, energy)
 
@@ -250,8 +250,7 @@ class Rods(Adapter):
                 f"body {rod.body.name!r} is {held[0]} at one end and {held[1]} at the other; "
                 f"relaxation needs a clamp, or two pins"
             )
-        per_length = rod.mass / rod.stiffness.l
-        return LOWEST[held] * sqrt(rod.stiffness.EI / per_length) / rod.body.length**2
+        return LOWEST[held] * sqrt(rod.EI * rod.l / rod.mass) / rod.body.length**2
 
     def _keep(self) -> None:
         for name, rod in self.rods.items():
@@ -264,7 +263,7 @@ class Rods(Adapter):
         """Largest length of an element, of its undeformed one; NaN where a place is not finite."""
         with np.errstate(all="ignore"):
             lengths = [
-                np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.stiffness.l
+                np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.l
                 for name, rod in self.rods.items()
             ]
         return float(np.max(lengths))
