@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds
 from anctmm.errors import UnsupportedError, unknown_option
@@ -67,7 +67,17 @@ class Adapter:
     """Kinds of element that a discretisation may name; the code uses its own instead."""
     memory: ClassVar[tuple[float, float]] = (1_000.0, KEPT)
     """Bytes of a model, and of an output, for each coordinate."""
-    built: Any = field(init=False, default=None)
+
+    @classmethod
+    def of(
+        cls, scene: Scene, run: Discretisation | None, options: dict[str, Any], load_steps: int | None = None
+    ) -> Self:
+        """From the arguments of `solve`, or with load steps of `solve_static`; options may be fields of the class."""
+        added = {f.name for f in fields(cls) if f.init} - {f.name for f in fields(Adapter)}
+        own = {name: value for name, value in options.items() if name in added}
+        run = discretise(run, {name: value for name, value in options.items() if name not in added})
+        static = load_steps is not None
+        return cls(scene, run, static, parts_of_load(load_steps) if static else 1, **own)
 
     def check(self) -> None:
         """Refuse, by UnsupportedError, what features do not tell."""

@@ -1,30 +1,46 @@
-"""The command line. Modules that are slow to import are imported by the command that needs them."""
+"""The command line."""
 
-import os
 import sys
+from importlib.metadata import version as version_of
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import matplotlib as mpl
+import pandas as pd
 import typer
+from joblib import cpu_count
 from rich.console import Console
 
+from anctmm.errors import PluginError
+from anctmm.solvers import registry
+from studies import single_run
+from studies.benchmark import study as benchmark
+from studies.cases import built_in, cases_in, chosen, find_case, find_cases, is_file, place_name
 from studies.command_line import options as given
+from studies.command_line.compiling import compile_kernels
 from studies.command_line.ending import CODES, BadOption, Code, Command
 from studies.command_line.progress import bar, sweeping
-
-if TYPE_CHECKING:
-    from studies.regression.scenes import Watch
+from studies.conformance import check as conforming
+from studies.engine.files import check_writable, file_name
+from studies.engine.study import STUDIES, Options, check_fits, check_taken
+from studies.engine.tables import show_frame
+from studies.regression import check as checking
+from studies.regression.of_cases import watches_of
+from studies.regression.report import show, write_check
+from studies.regression.scenes import Watch, declared_in, tasks_of
+from studies.regression.watches import all_watches
+from studies.report import terminal, whole
+from studies.trade import recommend as advice
+from studies.trade.study import run as run_trade
 
 RESULTS = Path("results")
-os.environ["MPLBACKEND"] = "agg"  # pictures are files
+mpl.use("agg")  # pictures are files
 app = typer.Typer(epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"anctmm {version('anctmm')}")
+        typer.echo(f"anctmm {version_of('anctmm')}")
         raise typer.Exit
 
 
@@ -40,14 +56,29 @@ def whole_command(
 @app.command("list", cls=Command)
 def list_(file: Annotated[given.Text, typer.Argument(help="Your file: list its cases only.")] = None) -> None:
     """Scenes, solvers and studies; or the cases of a file."""
-    from studies.cases import built_in, cases_in
-    from studies.command_line import listing
-    from studies.engine.tables import show_frame
-
-    show_frame(Console(), "Scenes", listing.scenes(built_in() if file is None else cases_in(file)))
+    scenes = [
+        {
+            "name": case.name, "bodies": ", ".join(body.name for body in case.scene.bodies),
+            "probes": ", ".join(map(place_name, case.probes)),
+            "run": "static" if case.static else f"{case.duration:g} s",
+            "note": case.note if len(case.note) <= 60 else f"{case.note[:59]}…",
+        }
+        for case in (built_in() if file is None else cases_in(file))
+    ]  # fmt: skip
+    show_frame(Console(), "Scenes", pd.DataFrame(scenes))
     if file is None:
-        show_frame(Console(), "Solvers", listing.solvers())
-        show_frame(Console(), "Studies", listing.studies())
+        solvers = [{"name": n, "from": origin, "lacks": _lacks(n)} for n, origin in registry.origins()]
+        show_frame(Console(), "Solvers", pd.DataFrame(solvers))
+        studies = [{"name": name, "question": about[1]} for name, about in STUDIES.items()]
+        show_frame(Console(), "Studies", pd.DataFrame(studies))
+
+
+def _lacks(solver: str) -> str:
+    """Features that a solver lacks, or why it cannot be loaded."""
+    try:
+        return ", ".join(sorted(registry.offer_of(registry.load(solver)).lacks))
+    except PluginError as error:
+        return f"broken: {' '.join(str(error).split())}"
 
 
 @app.command(cls=Command)
@@ -55,13 +86,8 @@ def run(
     scene: given.Given, case: given.Chosen = None, error: given.Target = None, elements: given.Mesh = None,
     dt: given.Step = None, element: given.Element = None, integrator: given.Integrator = None,
     solvers: given.Solvers = None, out: given.Out = None,
-) -> None:  # fmt: skip
+) -> Code:  # fmt: skip
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
-    from studies import single_run
-    from studies.cases import find_case
-    from studies.engine.files import check_writable, file_name
-    from studies.engine.study import Options
-
     wanted = find_case(scene, case)
     meshes, steps = (elements,) if elements else None, (dt,) if dt else None
     options = Options(True, meshes, steps, solvers, (wanted,), element, integrator, error)
@@ -72,10 +98,7 @@ def run(
     single_run.show(done, Console())
     written = single_run.write_run(done, folder)
     print(f"\nWritten to {folder}/" if written else "\nNothing was written: the run has no output.")
-    if done.missed:
-        raise typer.Exit(Code.DIFFERS)
-    if done.absent:
-        raise typer.Exit(Code.NOT_RUN)
+    return Code.DIFFERS if done.missed else Code.NOT_RUN if done.absent else Code.DONE
 
 
 @app.command(cls=Command)
@@ -85,13 +108,8 @@ def study(
     solvers: given.Solvers = None, element: given.Element = None, integrator: given.Integrator = None,
     error: given.Target = None, quick: given.Quick = False, workers: given.Workers = None,
     cluster: given.Cluster = None, out: given.Out = RESULTS,
-) -> None:  # fmt: skip
+) -> Code:  # fmt: skip
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
-    from studies.cases import chosen
-    from studies.engine.files import check_writable
-    from studies.engine.study import Options, check_taken
-    from studies.report import terminal, whole
-
     options = Options(quick, elements, dt, solvers, chosen(scene, case), element, integrator, error)
     check_taken(options, name)
     check_writable(out)
@@ -104,31 +122,26 @@ def study(
             good = good or done.result.good
     if not good:
         print("anctmm: all runs are refused or fail, as said above", file=sys.stderr)
-        raise typer.Exit(Code.DIFFERS)
+    return Code.DONE if good else Code.DIFFERS
 
 
 @app.command(cls=Command)
 def report(
     file: given.Some = None, case: given.Chosen = None, quick: given.Quick = False, workers: given.Workers = None,
     cluster: given.Cluster = None, out: given.Out = None,
-) -> None:  # fmt: skip
+) -> Code:  # fmt: skip
     """Run every study and write one page; of a file those that take its cases. Default of --out: reports."""
-    from studies.cases import chosen
-    from studies.engine.files import check_writable, file_name
-    from studies.report.whole import run_all, write_report
-
     cases = chosen(file, case)
     folder = out or (RESULTS / file_name(Path(file).stem) if file else Path("reports"))
     check_writable(folder)
     done = []
     with sweeping(quick, workers, cluster) as runner:
-        for one in run_all(cases, quick, runner):
+        for one in whole.run_all(cases, quick, runner):
             done.append(one)
-            write_report(done, folder, quick, (file, case))  # an hour later something may fail; this is whole
+            whole.write_report(done, folder, quick, (file, case))  # whole, whatever fails an hour later
             print(f"anctmm: {one.result.name} {one.case} is done", file=sys.stderr)
     print(f"Written to {folder}/index.html")
-    if not any(one.result.good for one in done):
-        raise typer.Exit(Code.DIFFERS)
+    return Code.DONE if any(one.result.good for one in done) else Code.DIFFERS
 
 
 @app.command(cls=Command)
@@ -138,13 +151,8 @@ def recommend(
     element: given.Element = None, integrator: given.Integrator = None, table: given.Trade = None,
     quick: given.Quick = False, workers: given.Workers = None, cluster: given.Cluster = None,
     rerun: given.Rerun = True,
-) -> None:  # fmt: skip
+) -> Code:  # fmt: skip
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
-    from studies.cases import find_case, is_file
-    from studies.engine.study import Options, check_fits
-    from studies.trade import recommend as advice
-    from studies.trade.study import run as run_trade
-
     if error is None and budget is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
     own = find_case(scene, case)
@@ -162,22 +170,18 @@ def recommend(
     again = advice.rerun(choice, own, written, measured, error) if rerun else None
     if again:
         advice.show_rerun(again, Console())
-    if not choice.reached or (again and not again.met):
-        raise typer.Exit(Code.DIFFERS)
+    return Code.DONE if choice.reached and (not again or again.met) else Code.DIFFERS
 
 
 @app.command(cls=Command)
 def bench(quick: given.Quick = False, out: given.Out = RESULTS) -> None:
-    """Measure kernels, peers, length, trees, memory, first results: tables as CSV and Markdown, pictures as SVG."""
-    from studies.benchmark import study as benchmark
-    from studies.engine.files import check_writable
-    from studies.report.whole import Done, write_study
-
+    """Measure steps beside peers, at length and of trees: tables as CSV and Markdown."""
     check_writable(out)
     with Console(stderr=True).status("starting") as shown:
         result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
-    folder = write_study(Done("", result), out)
-    benchmark.glance(result, Console())
+    folder = whole.write_study(whole.Done("", result), out)
+    for table in result.tables[:2]:
+        benchmark.show(table.frame, table.title, Console())
     print(f"\nWritten to {folder}/")
 
 
@@ -186,15 +190,8 @@ def check(
     file: given.Some = None, case: given.Chosen = None, elements: given.Mesh = None, dt: given.Step = None,
     only: given.Only = None, solver: given.Checked = None, update: given.Update = False,
     scenes: given.Scenes = None, baselines: given.Baselines = None, out: given.Out = RESULTS,
-) -> None:  # fmt: skip
+) -> Code:  # fmt: skip
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
-    from joblib import cpu_count
-
-    from studies.engine.files import check_writable
-    from studies.regression import check as checking
-    from studies.regression.report import show, write_check
-    from studies.regression.scenes import tasks_of
-
     tasks = checking.select(tasks_of(_watches(file, case, elements, dt, scenes)), only or (), solver or ())
     own = scenes or (Path(file) if file else None)
     stored = baselines or (own.parent / "baselines" if own else checking.BASELINES)
@@ -203,8 +200,8 @@ def check(
     if update:
         work = checking.update(tasks, stored, name)
     else:
-        whole = not (only or solver or case)
-        work = checking.check(tasks, stored, whole=whole, workers=cpu_count(), file=name)
+        complete = not (only or solver or case)
+        work = checking.check(tasks, stored, whole=complete, workers=cpu_count(), file=name)
     findings: list[Any] = []
     with bar() as progress:
         shown = progress.add_task("running", total=len(tasks))
@@ -215,20 +212,14 @@ def check(
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
     if all(f.verdict == checking.NOT_RUN for f in findings):
-        raise typer.Exit(Code.NOT_RUN)
-    raise typer.Exit(Code.DONE if checking.passed(findings) else Code.DIFFERS)
+        return Code.NOT_RUN
+    return Code.DONE if checking.passed(findings) else Code.DIFFERS
 
 
 def _watches(
     file: str | None, case: str | None, elements: Any, dt: float | None, scenes: Path | None
-) -> "tuple[Watch, ...]":
+) -> tuple[Watch, ...]:
     """Watched scenes: cases of a file, those that another declares, or the built-in ones."""
-    from studies.cases import cases_in, find_cases
-    from studies.engine.study import Options, check_fits
-    from studies.regression.of_cases import watches_of
-    from studies.regression.scenes import declared_in
-    from studies.regression.watches import all_watches
-
     if file is None:
         for option, value in (("--case", case), ("--elements", elements), ("--dt", dt)):
             if value is not None:
@@ -245,20 +236,16 @@ def _watches(
 @app.command("compile", cls=Command)
 def compile_() -> None:
     """Compile all kernels beforehand, some minutes once a machine and version; later runs start at once."""
-    from studies.command_line.compiling import compile_kernels
-
     compile_kernels(lambda kind: print(f"compiled: {kind}", flush=True))
 
 
 @app.command(cls=Command)
-def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `anctmm list`).")]) -> None:
+def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `anctmm list`).")]) -> Code:
     """Test a solver against the rules of all solvers: exit 1 where it breaks one, 4 where it is not installed."""
-    from studies.conformance import check as conforming
-
     findings = []
     with Console(stderr=True).status("starting") as shown:
         for finding in conforming.conform(name):
             shown.update(f"tested: {finding.rule}")
             findings.append(finding)
     conforming.show(name, findings, Console())
-    raise typer.Exit(conforming.exit_code(findings))
+    return Code(conforming.exit_code(findings))

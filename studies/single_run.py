@@ -28,51 +28,37 @@ NOTES = (
 
 
 @dataclass(frozen=True)
-class Other:
-    """Another solver's run on the same mesh and by the same step, its relative difference, and what is allowed."""
-
-    solution: Solution
-    difference: float
-    allowed: float
-
-    @property
-    def missed(self) -> bool:
-        """Whether it failed, or differs by more than is allowed; one that is not installed does neither."""
-        status = self.solution.status
-        return self.difference > self.allowed if status.ok else not not_installed(status)
-
-    @property
-    def words(self) -> str:
-        """Its difference, or why that is not known."""
-        if not self.solution.status.ok:
-            return str(self.solution.status)
-        above = f", above the target {self.allowed:g}" if self.missed else ""
-        return f"differs by {self.difference:.1e}{above}; {self.solution.cost.cpu_s:.2g} s"
-
-
-@dataclass(frozen=True)
 class SingleRun:
-    """A run with what is known of its error, its values, and runs of others that it is compared with."""
+    """A run with what is known of its error, its values, and runs of others that it is compared with.
+
+    `others` are runs on the same mesh and by the same step, with their relative differences; `allowed` bounds these.
+    """
 
     found: Refined
     values: tuple[Value, ...]
-    others: tuple[Other, ...] = ()
+    others: tuple[tuple[Solution, float], ...] = ()
+    allowed: float = inf
 
     @property
     def missed(self) -> bool:
-        """Whether the run, or one that it is compared with, failed or missed the target error.
+        """Whether the run, or one that it is compared with, failed or missed the target error."""
+        own = not self.found.reached and not not_installed(self.found.solution.status)
+        return own or any(self.is_off(*other) for other in self.others)
 
-        One that is not installed did neither; where that is the run itself, there is nothing that others differ from.
+    def is_off(self, other: Solution, difference: float) -> bool:
+        """Whether another run failed, or differs by more than is allowed.
+
+        One that is not installed does neither; from a run that is not, nothing differs.
         """
-        if not_installed(self.found.solution.status):
-            return any(other.missed for other in self.others if not other.solution.status.ok)
-        return not self.found.reached or any(other.missed for other in self.others)
+        if not other.status.ok:
+            return not not_installed(other.status)
+        return difference > self.allowed and not not_installed(self.found.solution.status)
 
     @property
     def absent(self) -> bool:
         """Whether one of the solvers is not installed."""
         return any(
-            not_installed(each.status) for each in (self.found.solution, *(x.solution for x in self.others))
+            not_installed(x.status) for x in (self.found.solution, *(other for other, _ in self.others))
         )
 
     @property
@@ -105,9 +91,9 @@ def run_case(options: Options, runner: Runner) -> SingleRun:
     CaseError, StudyError, DiscretisationError
         If something given does not fit the case, or does not fit together.
     """
-    case, error, (solver, *others) = options.case, options.error, options.solvers or (OURS,)
+    case, error, (solver, *names) = options.case, options.error, options.solvers or (OURS,)
     check_fits(options, case)
-    if error is not None and options.meshes and (options.steps or case.static) and not others:
+    if error is not None and options.meshes and (options.steps or case.static) and not names:
         raise CaseError(
             f"error is {error:g} beside a mesh and a step; it needs one of them to refine, or other solvers that "
             f"may differ by it"
@@ -120,13 +106,11 @@ def run_case(options: Options, runner: Runner) -> SingleRun:
     runner.heading = f"{case.name}: "
     found = levels.refined(error or ERROR)
     judged = any(levels.refines) or error is not None
-    compared = []
-    for name in others:
-        solution = runner.solve(replace(found.trial, solver=name))
-        difference = levels.difference(solution, found.solution)
-        compared.append(Other(solution, difference, found.target if judged else inf))
+    others = [runner.solve(replace(found.trial, solver=name)) for name in names]
+    compared = tuple((other, levels.difference(other, found.solution)) for other in others)
     read = found.solution.status.ok or len(found.solution.t) > 1  # else nothing is there but the start
-    return SingleRun(found, tuple(values_of(found)) if read else (), tuple(compared))
+    values = tuple(values_of(found)) if read else ()
+    return SingleRun(found, values, compared, found.target if judged else inf)
 
 
 def write_run(run: SingleRun, folder: Path) -> bool:
@@ -177,6 +161,11 @@ def show(run: SingleRun, console: Console) -> None:
     say(console, f"{counts}; runs in all: {len(found.levels.solutions)}")
     if run.values:
         show_frame(console, "", pd.DataFrame(rows_of(run.values))[["probe", "quantity", "digits"]])
-    for other in run.others:
-        said = f"{other.solution.solver} on the same mesh and by the same step: {other.words}"
-        say(console, said, "yellow" if other.missed else "")
+    for other, difference in run.others:
+        words, off = f"{other.status}", run.is_off(other, difference)
+        if other.status.ok:
+            above = f", above the target {run.allowed:g}" if off else ""
+            words = f"differs by {difference:.1e}{above}; {other.cost.cpu_s:.2g} s"
+        say(
+            console, f"{other.solver} on the same mesh and by the same step: {words}", "yellow" if off else ""
+        )

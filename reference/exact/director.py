@@ -12,31 +12,28 @@ The energy contains c' but no derivative of it: force balance determines c' poin
 that holds the full gradient, as an element's does, has the same limit as one that holds c(0) and d(0) only. An
 element's c' cannot jump, which costs the element its second order where c'(0) is held.
 
-The director has boundary layers of about the section's height at clamp and loaded end, so breaks are graded
-there.
+Unknowns are c' and L d' at the Gauss nodes of each part of the length, where the energy is summed; d is the integral of
+d'. The director has boundary layers of about the section's height at clamp and loaded end, so parts are graded there.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
-from typing import Any
 
 import numpy as np
-from numpy.polynomial.legendre import legint, legval, legvander
+from numpy.polynomial.legendre import legint, legval
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from anctmm.errors import SolverError
 from anctmm.model.scene import Material
 from anctmm.model.sections import Section
 from reference.exact.cantilever import Cantilever
-from reference.exact.legendre import gauss
+from reference.exact.legendre import analysis, gauss, integration
 from reference.exact.rods import Rigidity, RodShape, solve_rod
 
 Array = NDArray[np.float64]
-#: Degrees of c' in each part, whose answers are compared; d has one more.
-DEGREES = (11, 14)
+#: Nodes of each part, whose answers are compared.
+NODES = (13, 16)
 NEWTON_ITERATIONS = 40
 
 
@@ -67,8 +64,9 @@ class Fibres:
 
     def strains(self, gradient: Array) -> Array:
         """ε_xx, ε_yy, 2 ε_xy of the gradients (f, d), (..., 2, 2)."""
-        f, d = gradient[..., 0, :], gradient[..., 1, :]
-        return np.stack([0.5 * (_dot(f, f) - 1.0), 0.5 * (_dot(d, d) - 1.0), _dot(f, d)], axis=-1)
+        products = gradient @ np.swapaxes(gradient, -1, -2)
+        xx, yy = 0.5 * (products[..., 0, 0] - 1.0), 0.5 * (products[..., 1, 1] - 1.0)
+        return np.stack([xx, yy, products[..., 0, 1]], axis=-1)
 
     def energy(self, gradient: Array) -> Array:
         """Strain energy per volume, J/m³."""
@@ -77,7 +75,7 @@ class Fibres:
 
     def stress(self, gradient: Array) -> Array:
         """First Piola-Kirchhoff stresses, the energy's derivatives by f and d, (..., 2, 2), Pa."""
-        return _symmetric(self.strains(gradient) @ self.moduli) @ gradient
+        return self._second(gradient) @ gradient
 
     def tangent(self, gradient: Array) -> Array:
         """The energy's second derivatives by f and d, (..., 4, 4), Pa."""
@@ -85,53 +83,46 @@ class Fibres:
         zero = np.zeros_like(f)
         rows = [np.concatenate(pair, axis=-1) for pair in ((f, zero), (zero, d), (d, f))]
         E = np.stack(rows, axis=-2)
-        geometric = np.kron(_symmetric(self.strains(gradient) @ self.moduli), np.eye(2))
-        return np.swapaxes(E, -1, -2) @ self.moduli @ E + geometric
+        return np.swapaxes(E, -1, -2) @ self.moduli @ E + np.kron(self._second(gradient), np.eye(2))
+
+    def _second(self, gradient: Array) -> Array:
+        """Second Piola-Kirchhoff stresses as matrices, (..., 2, 2), Pa."""
+        stress = self.strains(gradient) @ self.moduli
+        return stress[..., [[0, 2], [2, 1]]]
 
 
 @dataclass(frozen=True)
 class DirectorShape:
     """Deformed cantilever of the two-director continuum.
 
-    `breaks` are fractions of the length, (elements + 1,); `slopes` and `directors` the Legendre coefficients of c' and
-    d in each part, (elements, degree + 1 or 2, 2). `load_potential` is that of
-    force and weight, zero before the loads, J; `uncertainty` the change of the tip from a lower degree, m.
+    `breaks` are fractions of the length, (parts + 1,); `starts` c and d at the beginning of each part, (parts, 2, 2),
+    and `rates` the Legendre coefficients of c' and d' in it, (parts, nodes, 2, 2). `load_potential` is that of force
+    and weight, zero before the loads, J; `uncertainty` the change of the tip from fewer nodes, m.
     """
 
     problem: Cantilever
     breaks: Array
-    slopes: Array
-    directors: Array
+    starts: Array
+    rates: Array
     strain_energy: float
     load_potential: float
     uncertainty: float = float("nan")
 
-    def _part(self, fraction: float) -> tuple[int, float]:
-        e = int(np.clip(np.searchsorted(self.breaks, fraction, side="right") - 1, 0, len(self.slopes) - 1))
-        a, b = self.breaks[e : e + 2]
-        return e, 2.0 * (fraction - a) / (b - a) - 1.0
+    def fields(self, fraction: float) -> tuple[Array, Array]:
+        """(c, d) and (c', d') at a fraction of the undeformed length, (2, 2)."""
+        e = int(np.clip(np.searchsorted(self.breaks, fraction, side="right") - 1, 0, len(self.rates) - 1))
+        half = 0.5 * (self.breaks[e + 1] - self.breaks[e])
+        x = (fraction - self.breaks[e]) / half - 1.0
+        within = half * self.problem.length * legval(x, legint(self.rates[e], lbnd=-1))
+        return self.starts[e] + within, np.asarray(legval(x, self.rates[e]))
 
     def position(self, fraction: float) -> Array:
-        """Position of the centre line at a fraction of the undeformed length, (2,), m."""
-        e, x = self._part(fraction)
-        lengths = np.diff(self.breaks) * self.problem.length
-        before = lengths[:e] @ self.slopes[:e, 0]
-        within = 0.5 * lengths[e] * legval(x, legint(self.slopes[e], lbnd=-1))
-        return np.asarray(self.problem.start) + before + within
-
-    def slope(self, fraction: float) -> Array:
-        """c', (2,)."""
-        e, x = self._part(fraction)
-        return np.asarray(legval(x, self.slopes[e]))
-
-    def director(self, fraction: float) -> Array:
-        """d, (2,)."""
-        e, x = self._part(fraction)
-        return np.asarray(legval(x, self.directors[e]))
+        """Position of the centre line, (2,), m."""
+        return self.fields(fraction)[0][0]
 
     def angle(self, fraction: float) -> float:
         """Angle of the section's normal (of d less a right angle) from the x axis, rad, not wrapped."""
-        d = np.array([self.director(f) for f in np.linspace(0.0, fraction, 257)])
+        d = np.array([self.fields(f)[0][1] for f in np.linspace(0.0, fraction, 257)])
         turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
         return self.problem.angle + float(turn[-1] - turn[0])
 
@@ -159,164 +150,95 @@ def solve_director(problem: Cantilever, section: Section, material: Material) ->
     """
     breaks, fibres = graded_breaks(problem, section), Fibres(section, material)
     rod = solve_rod(problem, Rigidity.shear_element(section, material))
-    ritz = [_Ritz(problem, fibres, breaks, degree) for degree in DEGREES]
-    coarse, fine = (each.shape(each.solve(each.guess(rod))) for each in ritz)
+    coarse, fine = (_Ritz(problem, fibres, breaks, nodes).solve(rod) for nodes in NODES)
     change = float(np.abs(fine.position(1.0) - coarse.position(1.0)).max())
     return replace(fine, uncertainty=change)
 
 
 class _Ritz:
-    """Stationary potential in piecewise polynomials: c' may jump between the parts, d is continuous.
+    """Stationary potential of u = (c', L d') at the nodes, (2, nodes, 2)."""
 
-    Coefficients, each a pair: of c' (part by part, Legendre), of d at the breaks, of d's bubbles (Legendre,
-    integrated).
-    """
+    def __init__(self, problem: Cantilever, fibres: Fibres, breaks: Array, nodes: int) -> None:
+        self.problem, self.fibres, self.breaks, self.nodes = problem, fibres, breaks, nodes
+        (x, w), parts = gauss(nodes), np.diff(breaks)
+        self.fractions, self.weights = (
+            (breaks[:-1, None] + np.outer(parts, x)).ravel(),
+            np.outer(parts, w).ravel(),
+        )
+        # integrals from 0 to the nodes: over all parts before, and within the own one
+        before = np.kron(np.tri(len(parts), k=-1), np.ones((nodes, nodes))) * self.weights
+        self.inward = before + np.kron(np.diag(parts), integration(nodes))
+        self.start = np.array([-np.sin(problem.angle), np.cos(problem.angle)])
+        self.force = problem.internal_force(self.fractions)
+        self.volumes = problem.length * np.outer(self.weights, fibres.areas)
+        # f = c' + y d' and d of each fibre by (c', L d', d), and these at all nodes by u
+        self.of_fibre = np.array([[[1.0, y / problem.length, 0.0], [0.0, 0.0, 1.0]] for y in fibres.places])
+        one, none = np.eye(len(self.inward)), np.zeros_like(self.inward)
+        by_u = np.stack(
+            [np.hstack([one, none]), np.hstack([none, one]), np.hstack([none, self.inward])], axis=1
+        )
+        self.by_u = np.kron(by_u.reshape(-1, 2 * len(one)), np.eye(2))
 
-    def __init__(self, problem: Cantilever, fibres: Fibres, breaks: Array, degree: int) -> None:
-        self.problem, self.fibres, self.breaks, self.degree = problem, fibres, breaks, degree
-        self.parts = len(breaks) - 1
-        self.lengths = np.diff(breaks) * problem.length
-        self.split = np.cumsum([self.parts * (degree + 1), self.parts + 1, self.parts * degree])
-        x, w = gauss(2 * degree + 3)
-        self.fractions = breaks[:-1, None] + np.diff(breaks)[:, None] * x
-        volumes = np.multiply.outer(np.multiply.outer(self.lengths, w), fibres.areas)
-        self.weights = volumes.reshape(-1)
-        self.operator = sparse.kron(self._gradients(x), sparse.eye_array(2), format="csr")
-        self.loads = self._loads(x, w)
-        self.free, self.fixed = self._clamped()
-
-    def _shapes(self, x: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """At fractions x of a part: Legendre values; values of hats and bubbles; their derivatives by x."""
-        P = legvander(2.0 * x - 1.0, self.degree)
-        integrals = legint(np.eye(self.degree + 1), lbnd=-1, scl=0.5)
-        bubbles = legvander(2.0 * x - 1.0, self.degree + 1) @ integrals
-        hats = np.stack([1.0 - x, x], axis=-1)
-        one = np.ones_like(hats)
-        return P, np.hstack([hats, bubbles[:, 1:]]), np.hstack([one * [-1.0, 1.0], P[:, 1:]])
-
-    def _columns(self, e: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Coefficients of c' and of d in a part."""
-        slope = np.arange(e * (self.degree + 1), (e + 1) * (self.degree + 1))
-        bubbles = self.split[1] + np.arange(e * self.degree, (e + 1) * self.degree)
-        return slope, np.concatenate([self.split[0] + np.array([e, e + 1]), bubbles])
-
-    def _gradients(self, x: Array) -> sparse.csr_array:
-        """Matrix from the coefficients to (f, d) of every part, point and fibre."""
-        P, D, dD = self._shapes(x)
-        y = self.fibres.places
-        shape = (self.parts, len(x), len(y), 2, self.split[2])
-        matrix = np.zeros(shape)
-        for e in range(self.parts):
-            slope, director = self._columns(e)
-            matrix[e, :, :, 0, slope] = P.T[:, :, None]
-            matrix[e, :, :, 0, director] = dD.T[:, :, None] * y / self.lengths[e]
-            matrix[e, :, :, 1, director] = D.T[:, :, None]
-        return sparse.csr_array(matrix.reshape(-1, self.split[2]))
-
-    def _loads(self, x: Array, w: Array) -> Array:
-        """Generalised force of force and weight, ∫ n·δc' ds, flat."""
-        P, _, _ = self._shapes(x)
-        n = self.problem.internal_force(self.fractions)
-        force = np.zeros((self.split[2], 2))
-        force[: self.split[0]] = np.einsum("e,g,gk,egc->ekc", self.lengths, w, P, n).reshape(-1, 2)
-        return force.reshape(-1)
-
-    def _clamped(self) -> tuple[sparse.csc_array, Array]:
-        """Matrix and constant of all coefficients in terms of the free ones: d at the clamp is fixed."""
-        fixed = np.zeros((self.split[2], 2))
-        first = int(self.split[0])
-        fixed[first] = -np.sin(self.problem.angle), np.cos(self.problem.angle)
-        matrix = sparse.csc_array(np.delete(np.eye(self.split[2]), first, axis=1))
-        return sparse.kron(matrix, sparse.eye_array(2), format="csc"), fixed.reshape(-1)
-
-    def guess(self, rod: RodShape) -> Array:
-        """Coefficients of a rod's fields, flat."""
-        x, _ = gauss(self.degree + 1)
-        P = np.linalg.inv(legvander(2.0 * x - 1.0, self.degree))
-        theta = rod.theta(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
-        moment = rod.bending_moment(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+    def solve(self, rod: RodShape) -> DirectorShape:
+        """Newton's iteration from a rod's shape on to where rounding stops it."""
+        theta, moment = rod.theta(self.fractions), rod.bending_moment(self.fractions)
         normal = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
-        turn = -(self.lengths[:, None] * moment / rod.rigidity.bending)[..., None] * normal
-        at_breaks = np.stack([-np.sin(rod.theta(self.breaks)), np.cos(rod.theta(self.breaks))], axis=-1)
-        parts = P @ normal, at_breaks, (P @ turn)[:, 1:]
-        return np.concatenate([part.reshape(-1) for part in parts])
-
-    def solve(self, guess: Array) -> Array:
-        """Newton's iteration to where rounding stops it."""
-        u = self.fixed + self.free @ (self.free.T @ guess)
+        u = np.stack([normal, -(self.problem.length / rod.rigidity.bending * moment)[:, None] * normal])
         last = np.inf
         for _ in range(NEWTON_ITERATIONS):
-            residual, tangent = self.free.T @ self.residual(u), self.free.T @ self.tangent(u) @ self.free
-            step = self.free @ splu(tangent.tocsc()).solve(residual)
+            step = np.linalg.solve(self.tangent(u), self.residual(u).ravel()).reshape(u.shape)
             u, size = u - step, float(np.abs(step).max())
             if not size < 1e3:
                 break
             if size < 1e-14 or (size < 1e-8 and size > 0.3 * last):
-                return u
+                return self.shape(u)
             last = size
         raise SolverError(
             f"two-director cantilever of {self.problem!r} finds no equilibrium near the rod's: "
             f"last Newton step {size:.3g} after {NEWTON_ITERATIONS} iterations"
         )
 
+    def gradients(self, u: Array) -> Array:
+        """(f, d) at the nodes in each fibre, (nodes, 3, 2, 2)."""
+        fields = np.stack([u[0], u[1], self.start + self.inward @ u[1]], axis=1)
+        return np.einsum("yga,iac->iygc", self.of_fibre, fields)
+
     def residual(self, u: Array) -> Array:
-        """Gradient of the potential, flat."""
-        stress = self.fibres.stress(self._at_points(u)) * self.weights[:, None, None]
-        force = self.operator.T @ stress.reshape(-1) - self.loads
-        force[self._tip] -= self.problem.moment * _turn_gradient(u[self._tip])
-        return force
+        """Gradient of the potential, as u."""
+        stress = self.fibres.stress(self.gradients(u)) * self.volumes[:, :, None, None]
+        by_slope, by_rate, by_director = np.einsum("yga,iygc->aic", self.of_fibre, stress)
+        turning = self.problem.moment * _turn(self.start + self.weights @ u[1])[0]
+        by_slope = by_slope - self.problem.length * self.weights[:, None] * self.force
+        return np.stack([by_slope, by_rate + self.inward.T @ by_director - np.outer(self.weights, turning)])
 
-    def tangent(self, u: Array) -> sparse.csr_array:
+    def tangent(self, u: Array) -> Array:
         """Hessian of the potential."""
-        blocks = self.fibres.tangent(self._at_points(u)) * self.weights[:, None, None]
-        n = len(blocks)
-        pointwise = sparse.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(4 * n, 4 * n))
-        matrix = (self.operator.T @ pointwise @ self.operator).tolil()
-        matrix[self._tip, self._tip] -= self.problem.moment * _turn_hessian(u[self._tip])
-        return matrix.tocsr()
-
-    @property
-    def _tip(self) -> slice:
-        last = 2 * int(self.split[1])
-        return slice(last - 2, last)
-
-    def _at_points(self, u: Array) -> Array:
-        return (self.operator @ u).reshape(-1, 2, 2)
+        n, size = len(self.fractions), 2 * u[0].size
+        fibres = self.fibres.tangent(self.gradients(u)) * self.volumes[:, :, None, None]
+        own = np.einsum(
+            "yga,iygchd,yhb->iacbd", self.of_fibre, fibres.reshape(n, 3, 2, 2, 2, 2), self.of_fibre
+        )
+        K = self.by_u.T @ (own.reshape(n, 6, 6) @ self.by_u.reshape(n, 6, size)).reshape(6 * n, size)
+        turning = self.problem.moment * _turn(self.start + self.weights @ u[1])[1]
+        K[size // 2 :, size // 2 :] -= np.kron(np.outer(self.weights, self.weights), turning)
+        return np.asarray(K)
 
     def shape(self, u: Array) -> DirectorShape:
-        """The shape of coefficients."""
-        pairs = u.reshape(-1, 2)
-        slopes = pairs[: self.split[0]].reshape(self.parts, self.degree + 1, 2)
-        directors = np.zeros((self.parts, self.degree + 2, 2))
-        for e in range(self.parts):
-            _, columns = self._columns(e)
-            left, right, *bubbles = pairs[columns]
-            series = np.vstack([right - left, bubbles])
-            directors[e] = legint(series, lbnd=-1, scl=0.5)
-            directors[e, 0] += left
-        energy = float(self.weights @ self.fibres.energy(self._at_points(u)))
-        moved = slopes.copy()
-        moved[:, 0] -= [np.cos(self.problem.angle), np.sin(self.problem.angle)]
-        potential = -float(self.loads[: moved.size] @ moved.ravel())
-        return DirectorShape(self.problem, self.breaks, slopes, directors, energy, potential)
+        """The shape of the unknowns."""
+        length, parts = self.problem.length, len(self.breaks) - 1
+        rates = np.stack([u[0], u[1] / length], axis=1)
+        change = length * (self.weights[:, None, None] * rates).reshape(parts, self.nodes, 2, 2).sum(axis=1)
+        start = np.stack([np.asarray(self.problem.start), self.start])
+        starts = start + np.concatenate([np.zeros((1, 2, 2)), np.cumsum(change, axis=0)[:-1]])
+        series = np.einsum("kn,enfc->ekfc", analysis(self.nodes), rates.reshape(parts, self.nodes, 2, 2))
+        energy = float((self.volumes * self.fibres.energy(self.gradients(u))).sum())
+        moved = u[0] - [np.cos(self.problem.angle), np.sin(self.problem.angle)]
+        potential = -length * float(self.weights @ (self.force * moved).sum(axis=1))
+        return DirectorShape(self.problem, self.breaks, starts, series, energy, potential)
 
 
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("...i,...i->...", a, b))
-
-
-def _symmetric(stress: Array) -> Array:
-    """Second Piola-Kirchhoff stresses (xx, yy, xy) as matrices."""
-    xx, yy, xy = np.moveaxis(stress, -1, 0)
-    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
-
-
-def _turn_gradient(d: Array) -> Array:
-    """Derivative of the angle of d."""
-    return np.array([-d[1], d[0]]) / (d @ d)
-
-
-def _turn_hessian(d: Array) -> Array:
-    """Second derivative of the angle of d."""
-    x, y = d
-    return np.array([[2 * x * y, y * y - x * x], [y * y - x * x, -2 * x * y]]) / (d @ d) ** 2
+def _turn(d: Array) -> tuple[Array, Array]:
+    """First and second derivatives of the angle of d."""
+    (x, y), s = d, d @ d
+    second = np.array([[2 * x * y, y * y - x * x], [y * y - x * x, -2 * x * y]])
+    return np.array([-y, x]) / s, second / s**2

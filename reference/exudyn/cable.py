@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import optional_beside
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.accounting import accounted
@@ -38,28 +38,13 @@ QUADRATURE = {"full": 0, "reduced": 1, "lobatto": 2}
 
 
 @accounted
-def solve(
-    scene: Scene,
-    run: Discretisation | None = None,
-    *,
-    tolerances: tuple[float, float] | None = None,
-    newton: str = "modified",
-    **options: Any,
-) -> Solution:
+def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
     """Motion of a scene by Exudyn with cables, with status "unsupported" where Exudyn cannot do it.
 
-    Parameters
-    ----------
-    scene, run
-        `newton_tolerance` is not used: Exudyn bounds residuals.
-    tolerances : (float, float), optional
-        Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
-        1e-9 or what rounding leaves, if that is more.
-    newton : str
-        When Newton's iteration takes a new tangent: "modified", where it converges too slowly; "each-step", at
-        the start of each step; "full", at each correction.
+    Options are those of a discretisation (`newton_tolerance` is not used: Exudyn bounds residuals), and `tolerances`
+    and `newton` of `ExudynAdapter`.
     """
-    return Cables(scene, discretise(run, options), tolerances=tolerances, newton=newton).solution()
+    return Cables.of(scene, run, options).solution()
 
 
 @accounted
@@ -70,7 +55,7 @@ def solve_static(
 
     `t` of the solution are load factors; `load_steps` equal steps of the load, smaller ones where Newton fails.
     """
-    return Cables(scene, discretise(run, options), True, parts_of_load(load_steps)).solution()
+    return Cables.of(scene, run, options, load_steps).solution()
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import optional_beside
 from anctmm.errors import DiscretisationError, shown
 from anctmm.model.scene import Beam, Scene
@@ -40,50 +40,29 @@ WEIGHT = {1: np.array([1.0, 1.0]) / 2, 2: np.array([1.0, 4.0, 1.0]) / 6}
 
 
 @accounted
-def solve(
-    scene: Scene,
-    run: Discretisation | None = None,
-    *,
-    order: int = 2,
-    shear_factor: float = 1.0,
-    tolerances: tuple[float, float] | None = None,
-    newton: str = "modified",
-    **options: Any,
-) -> Solution:
-    """Motion of a scene by Exudyn with Reissner beams; what is not named here as for `exudyn_cable.solve`.
+def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+    """Motion of a scene by Exudyn with Reissner beams; own options are those of `ReissnerBeams`.
 
-    Parameters
-    ----------
-    scene, run
-        `element` and `quadrature` are not used.
-    order : int
-        1: two nodes and one Gauss point an element; 2: three nodes and two points.
-    shear_factor : float
-        k of the shear stiffness kGA; 1 is what the paper's element tends to.
-    tolerances, newton
+    `element` and `quadrature` are not used.
     """
-    own: Any = {"order": order, "shear_factor": shear_factor, "tolerances": tolerances, "newton": newton}
-    return ReissnerBeams(scene, discretise(run, options), **own).solution()
+    return ReissnerBeams.of(scene, run, options).solution()
 
 
 @accounted
 def solve_static(
-    scene: Scene,
-    run: Discretisation | None = None,
-    *,
-    load_steps: int = 10,
-    order: int = 2,
-    shear_factor: float = 1.0,
-    **options: Any,
+    scene: Scene, run: Discretisation | None = None, *, load_steps: int = 10, **options: Any
 ) -> Solution:
     """Equilibrium of a scene by Exudyn with Reissner beams, as by `exudyn_cable.solve_static`."""
-    own: Any = {"order": order, "shear_factor": shear_factor}
-    return ReissnerBeams(scene, discretise(run, options), True, parts_of_load(load_steps), **own).solution()
+    return ReissnerBeams.of(scene, run, options, load_steps).solution()
 
 
 @dataclass
 class ReissnerBeams(ExudynAdapter):
-    """A scene with `ObjectBeamGeometricallyExact2D`s; a node has x, y and the angle of its section."""
+    """A scene with `ObjectBeamGeometricallyExact2D`s; a node has x, y and the angle of its section.
+
+    `order` 1: two nodes and one Gauss point an element; 2: three nodes and two points. `shear_factor`: k of the shear
+    stiffness kGA; 1 is what the paper's element tends to.
+    """
 
     order: int = 2
     shear_factor: float = 1.0

@@ -74,8 +74,8 @@ def python_callbacks(scene: Scene) -> bool:
 class ExudynAdapter(Adapter):
     """A scene in Exudyn with one kind of beams, of which a class says all that `reference.exudyn.model.Beams` has.
 
-    `tolerances` are Newton's, of the residual: relative to the first one of a step, and absolute, N; `newton` is one of
-    `NEWTON`.
+    `tolerances` are Newton's, of the residual: relative to the first one of a step, and absolute, N; by default 1e-7,
+    and 1e-9 or what rounding leaves, if that is more. `newton`, one of `NEWTON`, is that of motions.
     """
 
     tolerances: Any = None
@@ -128,7 +128,7 @@ class ExudynAdapter(Adapter):
         if not self.static:
             return self._motion(model)
         message: str | None = ""
-        for k, (relative, absolute) in enumerate(STATIC_TOLERANCES):
+        for k, (relative, absolute) in enumerate([self.tolerances] if self.tolerances else STATIC_TOLERANCES):
             model = self.build() if k else model
             bounds = relative, absolute or self.roundoff()
             message, spent = self._solved(model, model.mbs.SolveStatic, self.settings(model, bounds))

@@ -27,16 +27,14 @@ from numpy.typing import NDArray
 from anctmm.discretise.methods import GeneralizedAlpha as AlphaMethod
 from anctmm.discretise.methods import stages
 from reference.global_dae.elements import Matrix
-from reference.global_dae.marching import Marcher, State
+from reference.global_dae.marching import ITERATIONS, MISSED, Marcher, State
 from reference.global_dae.saddle import Failure, Nearest, Saddle
 from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
-#: Newton iterations of a step at most; a correction that is rounding where it no longer falls.
-ITERATIONS, STALLED = 40, 1e-8
-#: Misfit of constraints, of the scene's length, that has failed, and that which is rounding.
-MISSED, ROUNDING = 1e-9, 1e-14
+#: A correction that is rounding where it no longer falls.
+STALLED = 1e-8
 
 
 class Zhai(Marcher):
@@ -62,8 +60,10 @@ class Zhai(Marcher):
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise Failure("accelerations are not finite", state.a)
         self.earlier, p = a, self.system.constraints.parameters(t)
-        if self.system.constraints.count:
-            q, v = self._projected(q, v, p)
+        if (c := self.system.constraints).count:
+            q = q - self.prescribe(c.value(q, p)[c.held])
+            v = v - self.prescribe((c.jacobian(q, p) @ v + c.rate(q, p))[c.held])
+            q, v = self.projected(q, v, p, lambda q: self._factored(q, p))
         self.system.accept(q)
         return self._accelerated(q, v, t, p)
 
@@ -81,22 +81,6 @@ class Zhai(Marcher):
             self.saddle = Saddle(self.system.mass, c.jacobian(q, p))
             self.factorizations += 1
         return self.saddle
-
-    def _projected(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
-        """Positions, by Newton's corrections of least size, and velocities on the constraints."""
-        c = self.system.constraints
-        q = q - self.prescribe(c.value(q, p)[c.held])
-        for _ in range(ITERATIONS):
-            gap = c.value(q, p)
-            if not np.isfinite(gap).all():
-                raise Failure("constraints are not finite")
-            if np.abs(gap).max() <= ROUNDING * self.length:
-                break
-            q = q - self._factored(q, p).closest(gap)
-        self.check_position(q, p, MISSED)
-        J, rate = c.jacobian(q, p), c.rate(q, p)
-        v = v - self.prescribe((J @ v + rate)[c.held])
-        return q, v - self._factored(q, p).closest(J @ v + rate)
 
 
 class Slopes(NamedTuple):
@@ -242,13 +226,6 @@ class Esdirk(Implicit):
         c = self.system.constraints
         if c.constant and not c.drives:
             return s
-        A, q = self.matrix(s, t, self.slopes), s.q
-        for _ in range(ITERATIONS):
-            gap = c.value(q, s.p)
-            if np.abs(gap).max() <= ROUNDING * self.length:
-                break
-            q = q - Saddle(A, c.jacobian(q, s.p)).closest(gap)
-        self.check_position(q, s.p, max(MISSED, self.run.newton_tolerance))
-        J = c.jacobian(q, s.p)
-        v = s.v - Saddle(A, J).closest(J @ s.v + c.rate(q, s.p))
+        A, missed = self.matrix(s, t, self.slopes), max(MISSED, self.run.newton_tolerance)
+        q, v = self.projected(s.q, s.v, s.p, lambda q: Saddle(A, c.jacobian(q, s.p)), missed)
         return State(q, v, s.a, s.mu, s.p)

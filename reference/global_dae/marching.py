@@ -25,6 +25,9 @@ from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
+#: Corrections of a step at most; misfit of constraints, of the scene's length, that has failed, and that is rounding.
+ITERATIONS, MISSED, ROUNDING = 40, 1e-9, 1e-14
+
 
 @dataclass
 class State:
@@ -98,6 +101,21 @@ class Marcher:
             for k, (old, new) in enumerate(zip(before, now[:2], strict=True)):
                 self.work[k] += 0.5 * (old.forces + new.forces) @ (new.values - old.values) + lost
         self.before = now
+
+    def projected(
+        self, q: Array, v: Array, p: Array, metric: Callable[[Array], Saddle], allowed: float = MISSED
+    ) -> tuple[Array, Array]:
+        """Positions, by Newton's corrections, and velocities on the constraints, the nearest in a metric."""
+        c = self.system.constraints
+        for _ in range(ITERATIONS):
+            gap = c.value(q, p)
+            if not np.isfinite(gap).all():
+                raise Failure("constraints are not finite")
+            if np.abs(gap).max() <= ROUNDING * self.length:
+                break
+            q = q - metric(q).closest(gap)
+        self.check_position(q, p, allowed)
+        return q, v - metric(q).closest(c.jacobian(q, p) @ v + c.rate(q, p))
 
     def check_position(self, q: Array, p: Array, allowed: float) -> None:
         """Raise Failure where positions do not fit the constraints: some contradict each other."""

@@ -23,7 +23,7 @@ from reference.global_dae.factors import factorise, index
 from reference.global_dae.forces import LoadForce
 from reference.global_dae.marching import Record, ended_early, failed_step
 from reference.global_dae.saddle import Failure
-from reference.global_dae.steps import History, Loads, Rows, Tables
+from reference.global_dae.steps import Loads, Rows, Tables
 from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
@@ -63,25 +63,23 @@ class Rival:
         self.system, self.run = system, system.run
         self.n, self.m = system.size, system.constraints.count
         judge = integrators.GeneralizedAlpha(system)
-        start, run, c = judge.begin(), system.run, judge.c
-        by_a, by_v = (0.0, 0.0) if run.explicit else (judge.slopes.by_a, judge.slopes.by_v)
+        start, run, by_v = judge.begin(), system.run, 0.0 if system.run.explicit else judge.slopes.by_v
         A = system.mass if run.explicit else judge.matrix(start, 0.0, judge.slopes)
-        scale = float(np.abs(A.diagonal()).mean())
+        self.scale = float(np.abs(A.diagonal()).mean())
         J = system.constraints.jacobian(start.q, start.p)
-        matrix = saddle_of(system, J, scale)
-        motion = steps.Motion(  # type: ignore[call-arg]
-            start.q, start.v, start.a, start.a.copy(), start.mu / scale, *np.zeros((6, self.n)),
-            *np.zeros((2, self.n + self.m)), system.layout.unit, np.zeros(3, dtype=np.int64),
+        size, matrix = self.n + self.m, saddle_of(system, J, self.scale)
+        room = steps.Room(  # type: ignore[call-arg]
+            *np.zeros((3, self.n)), *np.zeros((2, size)), np.zeros((size if dense else 0,) * 2),
+            system.layout.unit, np.array([0, int(run.explicit), 0]),
         )  # fmt: skip
         self.equations = steps.Equations(
             steps.Scheme(
-                judge.h, run.psi, run.phi, c.alpha_m, c.alpha_f, c.beta, c.gamma, by_a, by_v, run.newton_tolerance,
-                dense, scale,
+                judge.h, run.psi, run.phi, judge.c, by_v, run.newton_tolerance, dense, self.scale
             ),
             system.beams.elements(by_v),
             Rows(index(J.indptr), index(J.indices), J.data.copy(), _gram(J)[0], *np.zeros((2, self.m))),
             loads_of(system.loads), system.dead, factorise(Matrix((0, 0)), 0, np.zeros((0, 1), dtype=np.int64))[0],
-            matrix, np.zeros((self.n + self.m if dense else 0,) * 2), motion,
+            matrix, room,
         )  # fmt: skip
         if run.explicit:
             matrix.data[:] = matrix.mass + matrix.joints
@@ -93,7 +91,9 @@ class Rival:
         self.turned = [j for j, row in enumerate(rows) if row.drive is not None]
         self.driven = Constraints([rows[j] for j in self.turned], self.n)
         self.base = -system.constraints.value(system.still, start.p)
-        self.work, self.last = np.zeros(2), list[Array]()
+        self.work = np.zeros((1, 2))
+        power = system.beams.damping(start.q, start.v) @ start.v
+        self.start = start.q, start.v, start.a, start.a, start.mu / self.scale, power
 
     def _factors(self, matrix: steps.Saddle) -> Any:
         """Factors in the reference: one matrix serves x and y where explicit steps do not mix them."""
@@ -112,20 +112,19 @@ class Rival:
         """To the end, or as far as it goes."""
         run, step = self.run, 0
         march: Any = steps.explicit_steps if run.explicit else steps.implicit_steps
-        march(self.equations, 0, self._tables(0, 0), self._room(0))  # compiles
+        tables, states = self._tables(0, 0), self._states(1, self.start)
+        march(self.equations, tables, states)  # compiles
         batch = max(1, min(MOST, ROOM // (self.n + self.m)))
         record, status = Record(self.system.layout, solver), Status()
+        self._keep(record, 0, states, self.work)
 
         def so_far(status: Status) -> Solution:
-            counts = self.equations.motion.counts
-            once = run.explicit and not self.equations.scheme.dense
-            factorizations = 1 if once else int(counts[steps.FACTORIZATIONS])
-            done = min(step, run.steps + 1) - 1
-            return record.solution(status, done, int(counts[steps.CORRECTIONS]), factorizations)
+            corrections, factorizations, _ = self.equations.room.counts.tolist()
+            return record.solution(status, step, corrections, factorizations)
 
-        with ended_early(so_far, lambda: self._time(max(step - 1, 0))):
-            while step <= run.steps and status.ok:
-                last = min(step + batch, run.steps + 1)
+        with ended_early(so_far, lambda: self._time(step)):
+            while step < run.steps and status.ok:
+                last = min(step + batch, run.steps)
                 try:
                     tables = self._tables(step, last)
                 except PropertyError:  # of a load or a drive: go on to the step at which it fails
@@ -133,52 +132,54 @@ class Rival:
                         raise
                     batch = 1
                     continue
-                history = self._room(last - step)
-                done = march(self.equations, step, tables, history)
-                if done:
-                    self._keep(record, step, tables, [part[:done] for part in history])
-                step += done
+                states = self._states(last - step + 1, [part[-1] for part in states])
+                done = march(self.equations, tables, states)
+                states = steps.States(*(part[:done] for part in states))
+                if done > 1:
+                    self.work = self._work(states, tables)
+                    self._keep(record, step + 1, steps.States(*(part[1:] for part in states)), self.work)
+                step += done - 1
                 if step < last:
-                    status = self._diverged(step)
+                    status = self._diverged(step + 1)
         return so_far(status)
 
-    def _room(self, count: int) -> History:
-        states = (np.empty((count, self.n)) for _ in range(3))
-        return History(*states, np.empty((count, self.m)), np.empty(count))  # type: ignore[call-arg]
+    def _states(self, count: int, first: Any) -> steps.States:
+        """Room for so many steps, the first of which is known."""
+        widths = (self.n,) * 4 + (self.m,)
+        states = steps.States(*(np.empty((count, width)) for width in widths), np.empty(count))  # type: ignore[call-arg]
+        for part, known in zip(states, first, strict=True):
+            part[0] = known
+        return states
 
     def _tables(self, first: int, last: int) -> Tables:
-        """Loads and right-hand sides at the steps first … last − 1."""
-        t, zero = self.run.times(np.arange(first, last)), self.system.still
+        """Loads and right-hand sides at the steps first … last."""
+        t, zero = self.run.times(np.arange(first, last + 1)), self.system.still
         loads = np.zeros((len(t), len(self.system.loads), 2))
         for k, load in enumerate(self.system.loads):
             value: Any = load.load.value
             loads[:, k, : load.width] = (
                 tabulate(load.name, value, t, load.width) if callable(value) else value
             )
-        b, rate, acceleration = (
-            np.tile(x, (len(t), 1)) for x in (self.base, 0.0 * self.base, 0.0 * self.base)
-        )
+        b, rate, acceleration = np.zeros((3, len(t), self.m))
+        b[:] = self.base
         self.p = p = self.driven.parameters(t)
         b[:, self.turned] = -self.driven.value(zero, p)
         rate[:, self.turned] = -self.driven.rate(zero, p)
         acceleration[:, self.turned] = self.driven.right(zero, zero, p)
         return Tables(loads, b, rate, acceleration)
 
-    def _keep(self, record: Record, first: int, tables: Tables, history: Any) -> None:
-        """Keep the outputs of a batch, with the work until then by the trapezoidal rule."""
-        q, v, a, mu, damping = history
-        number, angles = first + np.arange(len(q)), record.turns.count(q)
-        now = [*self._efforts(q, mu, tables.loads), damping[:, None]]
-        forces, values, power = (
-            np.concatenate(pair) for pair in zip(self.last or [x[:1] for x in now], now, strict=True)
-        )
-        self.last = [x[-1:] for x in now]
-        lost = 0.5 * self.run.exact_dt * (power[1:] + power[:-1]) * (number > 0)[:, None]
-        work = (0.5 * (forces[1:] + forces[:-1]) * np.diff(values, axis=0)).sum(axis=1, keepdims=True) + lost
-        work = self.work + np.cumsum(np.concatenate([work, lost], axis=1), axis=0)
-        self.work = work[-1]
+    def _work(self, z: steps.States, tables: Tables) -> Array:
+        """All work, and that of damping, until each step of a batch but its first, by the trapezoidal rule, (n, 2)."""
+        forces, values = self._efforts(z.q, self.scale * z.mu, tables.loads)
+        lost = 0.5 * self.run.exact_dt * (z.power[1:] + z.power[:-1])
+        work = (0.5 * (forces[1:] + forces[:-1]) * np.diff(values, axis=0)).sum(axis=1) + lost
+        return np.asarray(self.work[-1] + np.cumsum(np.stack([work, lost], axis=1), axis=0))
+
+    def _keep(self, record: Record, first: int, z: steps.States, work: Array) -> None:
+        """Keep the outputs among the steps from a number on, with the work until then."""
+        number, angles = first + np.arange(len(z.q)), record.turns.count(z.q)
         kept = np.isin(number, self.run.output_steps)
-        q, v, a, work = q[kept], v[kept], a[kept], work[kept]
+        q, v, a, work = z.q[kept], z.v[kept], z.a[kept], work[kept]
         energies = np.zeros((len(q), 5))
         with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large
             energies[:, 0] = 0.5 * np.einsum("ni,ni->n", v, (self.system.mass @ v.T).T)
@@ -207,7 +208,7 @@ class Rival:
         why, advice = "Newton's iteration does not converge", integrators.GeneralizedAlpha.advice
         if self.run.explicit:
             why, advice = "accelerations are not finite", integrators.Zhai.advice
-        failure = Failure(why, self.equations.motion.change)
+        failure = Failure(why, self.equations.room.change)
         return failed_step(self.system.layout, failure, step, self._time(step), advice)
 
 

@@ -1,6 +1,6 @@
 """Compiled steps of the rival: Zhai's explicit ones, and generalized-α in index-3 form by a modified Newton iteration.
 
-Formulas as in `reference.global_dae.integrators`.
+Formulas as in `reference.global_dae.integrators`. States are rows of arrays, each found from the one before.
 """
 
 from typing import NamedTuple
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.methods import Coefficients
 from reference.global_dae.elements import Elements, add_tangents, damping_forces, forces
 from reference.global_dae.factors import Factors, Index, factor, solve_factored
 from reference.global_dae.kernels import inlined, kernel
@@ -23,7 +24,7 @@ CORRECTIONS, FACTORIZATIONS, USABLE = range(3)
 
 
 class Scheme(NamedTuple):
-    """Step h (s) and coefficients of both methods; by_a, by_v: ∂q̈/∂q, ∂v/∂q; tolerance of corrections.
+    """Step h (s) and coefficients of both methods; by_v: ∂v/∂q; tolerance of corrections.
 
     dense: whether matrices are solved by LAPACK. scale: of rows and multipliers in linear systems.
     """
@@ -31,11 +32,7 @@ class Scheme(NamedTuple):
     h: float
     psi: float
     phi: float
-    alpha_m: float
-    alpha_f: float
-    beta: float
-    gamma: float
-    by_a: float
+    c: Coefficients
     by_v: float
     tolerance: float
     dense: bool
@@ -74,32 +71,24 @@ class Saddle(NamedTuple):
     data: Array
 
 
-class Motion(NamedTuple):
-    """State, and scratch: q, v, a, the auxiliary a or the a before, (n,); μ/s, (m,).
+class Room(NamedTuple):
+    """Scratch: force, damping, (n,), right, left, (n + m,), and the dense matrix.
 
-    new_q, new_v, new_a, force, damping, (n,); right, left, (n + m,). unit: sizes of the coordinates; change: where a
-    step has failed; counts: see above.
+    unit: sizes of the coordinates; change: where a step has failed; counts: see above.
     """
 
-    q: Array
-    v: Array
-    a: Array
-    auxiliary: Array
-    mu: Array
-    new_q: Array
-    new_v: Array
-    new_a: Array
     force: Array
     damping: Array
     change: Array
     right: Array
     left: Array
+    matrix: Array
     unit: Array
     counts: Ints
 
 
 class Equations(NamedTuple):
-    """What the steps of a scene take; `full` is room for the dense matrix."""
+    """What the steps of a scene take."""
 
     scheme: Scheme
     elements: Elements
@@ -108,8 +97,7 @@ class Equations(NamedTuple):
     dead: Array
     factors: Factors
     saddle: Saddle
-    full: Array
-    motion: Motion
+    room: Room
 
 
 class Tables(NamedTuple):
@@ -121,12 +109,13 @@ class Tables(NamedTuple):
     acceleration: Array
 
 
-class History(NamedTuple):
-    """At each step: q, v, a, (steps, n), μ, (steps, m), and the power of damping, (steps,)."""
+class States(NamedTuple):
+    """At each step: q, v, q̈, auxiliary a or the q̈ before, (steps, n), μ/s, (steps, m), power of damping, (steps,)."""
 
     q: Array
     v: Array
     a: Array
+    auxiliary: Array
     mu: Array
     power: Array
 
@@ -135,13 +124,26 @@ class History(NamedTuple):
 
 
 @inlined
-def applied(equations: Equations, values: Array, q: Array, v: Array) -> None:
-    """Forces of gravity, elasticity, damping and loads into `right`; of a moment M on g it is M (−g_y, g_x)/|g|²."""
-    loads, m = equations.loads, equations.motion
-    forces(equations.elements, q, m.force)
-    damping_forces(equations.elements, q, v, m.damping)
+def damped(equations: Equations, q: Array, v: Array) -> float:
+    """Forces of damping into the room, and their power."""
+    damping, power = equations.room.damping, 0.0
+    damping_forces(equations.elements, q, v, damping)
+    for i in range(len(v)):
+        power += damping[i] * v[i]
+    return power
+
+
+@inlined
+def applied(equations: Equations, values: Array, q: Array, v: Array) -> float:
+    """Forces of gravity, elasticity, damping and loads into `right`; of a moment M on g it is M (−g_y, g_x)/|g|².
+
+    Returns the power of damping.
+    """
+    loads, room = equations.loads, equations.room
+    forces(equations.elements, q, room.force)
+    power = damped(equations, q, v)
     for i in range(len(q)):
-        m.right[i] = equations.dead[i] - m.force[i] + m.damping[i]
+        room.right[i] = equations.dead[i] - room.force[i] + room.damping[i]
     for k in range(len(loads.torque)):
         u, w = values[k, 0], values[k, 1]
         if loads.torque[k]:  # on one vector of a node
@@ -149,8 +151,9 @@ def applied(equations: Equations, values: Array, q: Array, v: Array) -> None:
             moment = u / (x * x + y * y)
             u, w = -moment * y, moment * x
         for t in range(loads.first[k], loads.first[k + 1]):
-            m.right[loads.at[t]] += loads.weight[t] * u
-            m.right[loads.at[t] + 1] += loads.weight[t] * w
+            room.right[loads.at[t]] += loads.weight[t] * u
+            room.right[loads.at[t] + 1] += loads.weight[t] * w
+    return power
 
 
 def _solve_dense(saddle: Saddle, full: Array, right: Array, left: Array) -> None:
@@ -168,11 +171,11 @@ solve_dense = kernel(_solve_dense, memory=True)
 @inlined
 def solve(equations: Equations) -> None:
     """From `right` into `left`: by factors, or by LAPACK."""
-    m = equations.motion
+    room = equations.room
     if equations.scheme.dense:
-        solve_dense(equations.saddle, equations.full, m.right, m.left)
+        solve_dense(equations.saddle, room.matrix, room.right, room.left)
     else:
-        solve_factored(equations.factors, m.right, m.left)
+        solve_factored(equations.factors, room.right, room.left)
 
 
 @inlined
@@ -182,18 +185,6 @@ def bounded(x: Array) -> bool:
     for i in range(len(x)):
         good &= abs(x[i]) < HUGE
     return good
-
-
-@inlined
-def store(m: Motion, history: History, k: int, scale: float) -> None:
-    """Store the state as the k-th of a history."""
-    power = 0.0
-    for i in range(len(m.q)):
-        history.q[k, i], history.v[k, i], history.a[k, i] = m.q[i], m.v[i], m.a[i]
-        power += m.damping[i] * m.v[i]
-    for j in range(len(m.mu)):
-        history.mu[k, j] = scale * m.mu[j]
-    history.power[k] = power
 
 
 # --- explicit steps -------------------------------------------------------------------------------------------
@@ -213,46 +204,44 @@ def project(rows: Rows, q: Array, b: Array) -> None:
 
 
 @inlined
-def advance(s: Scheme, rows: Rows, m: Motion, b: Array, rate: Array) -> None:
-    """Positions and velocities of the next step, put back on the constraints."""
-    for i in range(len(m.q)):
-        a, before = m.a[i], m.auxiliary[i]
-        m.q[i] += s.h * m.v[i] + s.h * s.h * ((0.5 + s.psi) * a - s.psi * before)
-        m.v[i] += s.h * ((1.0 + s.phi) * a - s.phi * before)
-        m.auxiliary[i] = a
-    project(rows, m.q, b)
-    project(rows, m.v, rate)
+def advance(equations: Equations, z: States, tables: Tables, k: int) -> None:
+    """Positions and velocities of row k, put back on the constraints."""
+    s = equations.scheme
+    for i in range(len(z.q[k])):
+        a, before = z.a[k - 1, i], z.auxiliary[k - 1, i]
+        step = s.h * z.v[k - 1, i] + s.h * s.h * ((0.5 + s.psi) * a - s.psi * before)
+        z.q[k, i] = z.q[k - 1, i] + step
+        z.v[k, i] = z.v[k - 1, i] + s.h * ((1.0 + s.phi) * a - s.phi * before)
+        z.auxiliary[k, i] = a
+    project(equations.rows, z.q[k], tables.b[k])
+    project(equations.rows, z.v[k], tables.rate[k])
 
 
 @kernel
-def explicit_steps(equations: Equations, first: int, tables: Tables, history: History) -> int:
-    """Steps from the number `first` on, one a row of the tables; step 0 only finds the accelerations of the start.
+def explicit_steps(equations: Equations, tables: Tables, z: States) -> int:
+    """Steps from the first row on, one a row of the tables.
 
-    Returns how many were done: fewer if accelerations are not finite.
+    Returns how many rows are known: fewer if accelerations are not finite.
     """
-    s, m = equations.scheme, equations.motion
-    n = len(m.q)
-    for k in range(len(tables.b)):
-        if first + k > 0:
-            advance(s, equations.rows, m, tables.b[k], tables.rate[k])
-        applied(equations, tables.loads[k], m.q, m.v)
+    s, room, n = equations.scheme, equations.room, len(equations.dead)
+    for k in range(1, len(z.q)):
+        advance(equations, z, tables, k)
+        z.power[k] = applied(equations, tables.loads[k], z.q[k], z.v[k])
         for i in range(n):
-            m.change[i] = m.right[i]
-        for j in range(len(m.mu)):
-            m.right[n + j] = s.scale * tables.acceleration[k, j]
-        if not bounded(m.right):
+            room.change[i] = room.right[i]
+        for j in range(len(z.mu[k])):
+            room.right[n + j] = s.scale * tables.acceleration[k, j]
+        if not bounded(room.right):
             return k
         solve(equations)
-        if not bounded(m.left):
+        if not bounded(room.left):
             return k
-        m.counts[FACTORIZATIONS] += int(s.dense)
+        room.counts[FACTORIZATIONS] += int(s.dense)
         for i in range(n):
-            m.a[i] = m.left[i]
-            m.auxiliary[i] = m.a[i] if first + k == 0 else m.auxiliary[i]
-        for j in range(len(m.mu)):
-            m.mu[j] = m.left[n + j]
-        store(m, history, k, s.scale)
-    return len(tables.b)
+            z.a[k, i] = room.left[i]
+        for j in range(len(z.mu[k])):
+            z.mu[k, j] = room.left[n + j]
+    return len(z.q)
 
 
 # --- implicit steps -------------------------------------------------------------------------------------------
@@ -260,10 +249,10 @@ def explicit_steps(equations: Equations, first: int, tables: Tables, history: Hi
 
 @kernel
 def assemble(equations: Equations, values: Array, q: Array) -> None:
-    """Numbers of [by_a M + K(q), sJᵀ; sJ, 0], K with the tangent of the moments."""
+    """Numbers of [c M + K(q), sJᵀ; sJ, 0], K with the tangent of the moments."""
     matrix, loads, data = equations.saddle, equations.loads, equations.saddle.data
     for i in range(len(data)):
-        data[i] = equations.scheme.by_a * matrix.mass[i] + matrix.joints[i]
+        data[i] = equations.scheme.c.to_w * matrix.mass[i] + matrix.joints[i]
     add_tangents(equations.elements, q, matrix.elements, data)
     at = 0
     for k in range(len(loads.torque)):
@@ -279,102 +268,94 @@ def assemble(equations: Equations, values: Array, q: Array) -> None:
 
 
 @inlined
-def residual(equations: Equations, values: Array, b: Array) -> None:
-    """[f − M q̈ − Jᵀμ; s (b − J q)] into `right`."""
-    matrix, m = equations.saddle, equations.motion
-    n, right = len(m.q), m.right
-    applied(equations, values, m.new_q, m.new_v)
-    for j in range(len(b)):
-        right[n + j] = equations.scheme.scale * b[j]
+def residual(equations: Equations, tables: Tables, z: States, k: int) -> None:
+    """[f − M q̈ − Jᵀμ; s (b − J q)] of row k into `right`."""
+    matrix, right, n = equations.saddle, equations.room.right, len(equations.dead)
+    applied(equations, tables.loads[k], z.q[k], z.v[k])
+    for j in range(len(z.mu[k])):
+        right[n + j] = equations.scheme.scale * tables.b[k, j]
     for j in range(len(right)):
-        a = m.new_a[j] if j < n else 0.0
-        x = m.new_q[j] if j < n else m.mu[j - n]
+        a = z.a[k, j] if j < n else 0.0
+        x = z.q[k, j] if j < n else z.mu[k, j - n]
         for t in range(matrix.column[j], matrix.column[j + 1]):
             right[matrix.row[t]] -= matrix.mass[t] * a + matrix.joints[t] * x
 
 
 @inlined
-def predict(s: Scheme, m: Motion) -> None:
-    """Start of Newton's iteration: q̈_{n+1} = q̈_n."""
-    h = s.h
-    for i in range(len(m.q)):
-        a = m.auxiliary[i]
-        b = (m.a[i] - s.alpha_m * a) / (1.0 - s.alpha_m)
-        m.new_q[i] = m.q[i] + h * m.v[i] + h * h * ((0.5 - s.beta) * a + s.beta * b)
-        m.new_v[i] = m.v[i] + h * ((1.0 - s.gamma) * a + s.gamma * b)
-        m.new_a[i] = m.a[i]
+def predict(s: Scheme, z: States, k: int) -> None:
+    """Start of Newton's iteration for row k: q̈_{n+1} = q̈_n."""
+    c, h = s.c, s.h
+    for i in range(len(z.q[k])):
+        a = z.auxiliary[k - 1, i]
+        b = (z.a[k - 1, i] - c.alpha_m * a) / (1.0 - c.alpha_m)
+        z.q[k, i] = z.q[k - 1, i] + h * z.v[k - 1, i] + h * h * ((0.5 - c.beta) * a + c.beta * b)
+        z.v[k, i] = z.v[k - 1, i] + h * ((1.0 - c.gamma) * a + c.gamma * b)
+        z.a[k, i] = z.a[k - 1, i]
+    for j in range(len(z.mu[k])):
+        z.mu[k, j] = z.mu[k - 1, j]
 
 
 @inlined
-def correct(s: Scheme, m: Motion) -> float:
-    """Add the correction in `left`; its size relative to the units of the coordinates."""
-    n, largest = len(m.q), 0.0
+def correct(equations: Equations, z: States, k: int) -> float:
+    """Add the correction in `left` to row k; its size relative to the units of the coordinates."""
+    s, room, n, largest = equations.scheme, equations.room, len(equations.dead), 0.0
     for i in range(n):
-        d = m.left[i]
-        m.new_q[i] += d
-        m.new_v[i] += s.by_v * d
-        m.new_a[i] += s.by_a * d
-        m.change[i] = d
-        size = abs(d) / m.unit[i]
+        d = room.left[i]
+        z.q[k, i] += d
+        z.v[k, i] += s.by_v * d
+        z.a[k, i] += s.c.to_w * d
+        room.change[i] = d
+        size = abs(d) / room.unit[i]
         if not size <= largest:
             largest = size
-    for j in range(len(m.mu)):
-        m.mu[j] += m.left[n + j]
+    for j in range(len(z.mu[k])):
+        z.mu[k, j] += room.left[n + j]
     return largest
 
 
 @inlined
-def newton(full: bool, equations: Equations, values: Array, b: Array) -> bool:
-    """Find q_{n+1} and μ_{n+1}: with a new matrix each time if `full`, else with an old one while it contracts."""
-    s, m = equations.scheme, equations.motion
-    before, renew = np.inf, full or m.counts[USABLE] == 0
+def newton(full: bool, equations: Equations, tables: Tables, z: States, k: int) -> bool:
+    """Find row k: with a new matrix each time if `full`, else with an old one while it contracts."""
+    s, room = equations.scheme, equations.room
+    before, renew = np.inf, full or room.counts[USABLE] == 0
     for iteration in range(ITERATIONS):
-        residual(equations, values, b)
-        if not bounded(m.right):
+        residual(equations, tables, z, k)
+        if not bounded(room.right):
             return False
         if renew:
-            assemble(equations, values, m.new_q)
-            m.counts[FACTORIZATIONS] += 1
-            m.counts[USABLE] = int(s.dense or factor(equations.factors, equations.saddle.data))
-            if m.counts[USABLE] == 0:
+            assemble(equations, tables.loads[k], z.q[k])
+            room.counts[FACTORIZATIONS] += 1
+            room.counts[USABLE] = int(s.dense or factor(equations.factors, equations.saddle.data))
+            if room.counts[USABLE] == 0:
                 return False
         solve(equations)
-        size = correct(s, m)
-        m.counts[CORRECTIONS] += 1
+        size = correct(equations, z, k)
+        room.counts[CORRECTIONS] += 1
         if size <= s.tolerance or (renew and 0.5 * before < size <= STALLED):
-            m.counts[USABLE] *= int(iteration + 1 < MANY)  # the next step begins with a new matrix
+            room.counts[USABLE] *= int(iteration + 1 < MANY)  # the next step begins with a new matrix
             return True
         renew = full or size > SLOW * before
         before = size
     return False
 
 
-@inlined
-def accept(s: Scheme, m: Motion) -> None:
-    """Make the new state the present one."""
-    for i in range(len(m.q)):
-        mean = (1.0 - s.alpha_f) * m.new_a[i] + s.alpha_f * m.a[i]
-        m.auxiliary[i] = (mean - s.alpha_m * m.auxiliary[i]) / (1.0 - s.alpha_m)
-        m.q[i], m.v[i], m.a[i] = m.new_q[i], m.new_v[i], m.new_a[i]
-
-
 @kernel
-def implicit_steps(equations: Equations, first: int, tables: Tables, history: History) -> int:
-    """Steps from the number `first` on, one a row of the tables; step 0 only stores the start.
+def implicit_steps(equations: Equations, tables: Tables, z: States) -> int:
+    """Steps from the first row on, one a row of the tables; one that fails is tried again with new matrices.
 
-    Returns how many were done: fewer if Newton's iteration does not converge.
+    Returns how many rows are known: fewer if Newton's iteration does not converge.
     """
-    s, m = equations.scheme, equations.motion
-    for k in range(len(tables.b)):
-        if first + k > 0:
-            done = False
-            for attempt in range(2):
-                if not done and (attempt == 0 or not s.dense):
-                    predict(s, m)
-                    done = newton(attempt == 1 or s.dense, equations, tables.loads[k], tables.b[k])
+    s, c = equations.scheme, equations.scheme.c
+    for k in range(1, len(z.q)):
+        done = False
+        for attempt in range(2):
             if not done:
-                return k
-            accept(s, m)
-        damping_forces(equations.elements, m.q, m.v, m.damping)
-        store(m, history, k, s.scale)
-    return len(tables.b)
+                predict(s, z, k)
+                done = newton(attempt == 1 or s.dense, equations, tables, z, k)
+        if not done:
+            return k
+        for i in range(len(z.q[k])):
+            mean = (1.0 - c.alpha_f) * z.a[k, i] + c.alpha_f * z.a[k - 1, i]
+            z.auxiliary[k, i] = (mean - c.alpha_m * z.auxiliary[k - 1, i]) / (1.0 - c.alpha_m)
+        z.power[k] = damped(equations, z.q[k], z.v[k])
+    return len(z.q)

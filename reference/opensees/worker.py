@@ -100,16 +100,7 @@ def _keep(job: Job, rows: BinaryIO, time: float) -> None:
 
 def _motion(job: Job, rows: BinaryIO) -> dict[str, Any]:
     dt, stride, steps = job["dt"], job["stride"], job["steps"]
-    accelerations = _first_accelerations(job)
-    _build(job)
-    _act(job)
-    for number, (tag, component, values) in enumerate(job["histories"], 2):
-        _history(number, dt, values)
-        ops.load(tag, *(float(k == component) for k in range(3)))
-    for number, (tag, values, _) in enumerate(job["drives"], 2 + len(job["histories"])):
-        _history(number, dt, values)
-        ops.sp(tag, 3, 1.0)
-    _begin(job, accelerations)
+    _start(job, _first_accelerations(job))
     _solver(job, "HHTGeneralized", job["spectral_radius"], test=("NormDispIncr", job["bound"], MOST))
     _keep(job, rows, 0.0)
     cpu = wall = 0.0
@@ -124,17 +115,20 @@ def _motion(job: Job, rows: BinaryIO) -> dict[str, Any]:
             _keep(job, rows, done * dt)
     if code:
         done = round(ops.getTime() / dt)
-    return {"code": code, "steps": done, "time": done * dt, "cpu": cpu, "wall": wall}
+    return {"code": code, "steps": done, "cpu": cpu, "wall": wall}
 
 
-def _history(number: int, dt: float, values: list[float]) -> None:
-    """Series and pattern of what varies in time, by its values at the steps."""
-    ops.timeSeries("Path", number, "-dt", dt, "-values", *values)
-    ops.pattern("Plain", number, number)
-
-
-def _begin(job: Job, accelerations: list[list[float]]) -> None:
-    """Velocities and accelerations at t = 0."""
+def _start(job: Job, accelerations: list[list[float]]) -> None:
+    """The model with what acts on it, its velocities and accelerations at t = 0."""
+    _build(job)
+    _act(job)
+    unit = np.eye(3).tolist()
+    varying = [(ops.load, tag, unit[component], values) for tag, component, values in job["histories"]]
+    varying += [(ops.sp, tag, [3, 1.0], values) for tag, values, _ in job["drives"]]
+    for number, (act, tag, arguments, values) in enumerate(varying, 2):
+        ops.timeSeries("Path", number, "-dt", job["dt"], "-values", *values)
+        ops.pattern("Plain", number, number)
+        act(tag, *arguments)
     for set_value, states in ((ops.setNodeVel, job["velocities"]), (ops.setNodeAccel, accelerations)):
         for tag, state in enumerate(states, 1):
             for component, value in enumerate(state, 1):
@@ -145,17 +139,12 @@ def _begin(job: Job, accelerations: list[list[float]]) -> None:
 def _first_accelerations(job: Job) -> list[list[float]]:
     """Accelerations of all nodes at t = 0, by a step that is small against the run's."""
     small = FIRST * job["dt"]
-    _build(job)
-    _act(job)
-    for number, (tag, component, values) in enumerate(job["histories"], 2):
-        ops.timeSeries("Constant", number)
-        ops.pattern("Plain", number, number)
-        ops.load(tag, *(values[0] * (k == component) for k in range(3)))
-    for number, (tag, _, (rate, acceleration)) in enumerate(job["drives"], 2 + len(job["histories"])):
-        ops.timeSeries("Constant", number)
-        ops.pattern("Plain", number, number)
-        ops.sp(tag, 3, (rate + 0.5 * acceleration * small) * small)
-    _begin(job, [])
+    histories = [(tag, component, 2 * values[:1]) for tag, component, values in job["histories"]]
+    drives = [
+        (tag, [0.0, (rate + 0.5 * acceleration * small) * job["dt"]], None)
+        for tag, _, (rate, acceleration) in job["drives"]
+    ]
+    _start(job | {"histories": histories, "drives": drives}, [])
     _solver(job, "Newmark", 0.5, 0.25, test=("FixedNumIter", CORRECTIONS))
     ops.analyze(1, small)
     return [list(ops.nodeAccel(tag)) for tag in range(1, len(job["nodes"]) + 1)]
@@ -189,7 +178,7 @@ def _equilibria(job: Job, rows: BinaryIO) -> dict[str, Any]:
             break
         reached = goal
         _keep(job, rows, goal)
-    return {"code": code, "steps": taken, "time": reached, "cpu": cpu, "wall": wall}
+    return {"code": code, "steps": taken, "cpu": cpu, "wall": wall}
 
 
 if __name__ == "__main__":

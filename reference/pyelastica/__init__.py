@@ -6,7 +6,7 @@ no implicit steps and no statics: equilibria are found by dynamic relaxation wit
 of the steps alone, each of them called from Python, in three dimensions. PyElastica is optional, the extra `peers`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from math import ceil, pi, sqrt
 from time import perf_counter, process_time
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import optional_beside
 from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError
 from anctmm.model.needs import MECHANISMS
@@ -57,13 +57,7 @@ STRETCH_LIMIT = 1e3
 
 
 @accounted
-def solve(
-    scene: Scene,
-    run: Discretisation | None = None,
-    *,
-    shear_factor: float = 1.0,
-    **options: Any,
-) -> Solution:
+def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
     """Motion of a scene by PyElastica, with status "unsupported" where it cannot do the scene.
 
     Parameters
@@ -74,32 +68,25 @@ def solve(
         "zhai" with ψ = φ = ½, which for rods without rotation has the positions of PyElastica's PositionVerlet;
         two elements or more a body. `element` and `quadrature` are not used. Or its fields as keywords.
     shear_factor : float
-        k of the shear stiffness kGA.
+        k of the shear stiffness kGA, 1 by default.
 
     Raises
     ------
     StabilityError
         If the step lies above the stability limit of the straight grid, and `check_stability` is set.
     """
-    return Rods(scene, discretise(run, options), shear_factor=shear_factor).solution()
+    return Rods.of(scene, run, options).solution()
 
 
 @accounted
 def solve_static(
-    scene: Scene,
-    run: Discretisation | None = None,
-    *,
-    load_steps: int = 1,
-    shear_factor: float = 1.0,
-    **options: Any,
+    scene: Scene, run: Discretisation | None = None, *, load_steps: int = 1, **options: Any
 ) -> Solution:
     """Equilibrium of a scene by relaxation with PyElastica, every body held; `t` are load factors.
 
     Each of the `load_steps` equal parts of the load is relaxed.
     """
-    run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    rods = Rods(scene, run, True, load_steps, shear_factor=shear_factor)
-    return rods.solution()
+    return Rods.of(scene, run, options, load_steps).solution()
 
 
 @dataclass
@@ -107,9 +94,6 @@ class Rods(Adapter):
     """A scene in PyElastica; parameters as of `solve` and `solve_static`."""
 
     shear_factor: float = 1.0
-    positions: dict[str, list[Array]] = field(default_factory=dict)
-    velocities: dict[str, list[Array]] = field(default_factory=dict)
-    energies: list[tuple[float, ...]] = field(default_factory=list)
 
     name: ClassVar[str] = "pyelastica"
     title: ClassVar[str] = "a model in PyElastica"
@@ -119,6 +103,7 @@ class Rods(Adapter):
 
     def __post_init__(self) -> None:
         positive("shear_factor", self.shear_factor, DiscretisationError)
+        self.energies: list[tuple[float, ...]] = []
 
     def check(self) -> None:
         """Refuse joints between bodies, what varies, damping and single elements."""
@@ -160,8 +145,8 @@ class Rods(Adapter):
                 f"{self.scene.name!r}: their sections' inertia bounds it, whatever the mesh"
             )
         self.simulator, self.stepper = module.Simulator(), module.ea.PositionVerlet()
-        self.positions = {name: [] for name in self.rods}
-        self.velocities = {name: [] for name in self.rods}
+        self.positions: dict[str, list[Array]] = {name: [] for name in self.rods}
+        self.velocities: dict[str, list[Array]] = {name: [] for name in self.rods}
         for rod in self.rods.values():
             rod.add_to(self.simulator)
         if self.static:
@@ -196,7 +181,7 @@ class Rods(Adapter):
         }
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
         T, U, V = np.array(self.energies[:n]).reshape(n, 3).T
-        moments = any(moment for rod in self.rods.values() for moment, _ in rod.moments.values())
+        moments = any(any(rod.moments.values()) for rod in self.rods.values())
         energy = None if self.static or moments else Energy(T, U, V - V[:1], np.zeros(n))
         return Answer(t, fields, cost, status, dofs, energy)
 
@@ -265,8 +250,7 @@ class Rods(Adapter):
                 f"body {rod.body.name!r} is {held[0]} at one end and {held[1]} at the other; "
                 f"relaxation needs a clamp, or two pins"
             )
-        per_length = rod.mass / rod.stiffness.l
-        return LOWEST[held] * sqrt(rod.stiffness.EI / per_length) / rod.body.length**2
+        return LOWEST[held] * sqrt(rod.EI * rod.l / rod.mass) / rod.body.length**2
 
     def _keep(self) -> None:
         for name, rod in self.rods.items():
@@ -279,7 +263,7 @@ class Rods(Adapter):
         """Largest length of an element, of its undeformed one; NaN where a place is not finite."""
         with np.errstate(all="ignore"):
             lengths = [
-                np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.stiffness.l
+                np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.l
                 for name, rod in self.rods.items()
             ]
         return float(np.max(lengths))

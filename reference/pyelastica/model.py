@@ -5,9 +5,9 @@ elements between them, curvatures at the inner nodes. Its rods are round and mov
 inertia are overwritten with the beam's own, and nothing drives a rod out of the plane.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import hypot, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import elastica as ea
 import numpy as np
@@ -20,15 +20,6 @@ Array = NDArray[np.float64]
 
 class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):  # type: ignore[misc]
     """PyElastica's collection of rods with what acts on them."""
-
-
-class Stiffness(NamedTuple):
-    """Of a rod cut into equal elements: EA, kGA (N), EI (N m²), and the elements' length (m)."""
-
-    EA: float
-    GA: float
-    EI: float
-    l: float  # noqa: E741
 
 
 class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
@@ -48,9 +39,10 @@ class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
 
     def apply_torques(self, system: Any, time: Any = 0.0) -> None:
         """Add the moments on the outer elements, N m; the first director stands across the plane."""
-        for end, (moment, spring) in self.rod.moments.items():
-            angle = self.rod.angle(end) if spring else 0.0
-            system.external_torques[0, end] += self.rod.factor * moment - spring * angle
+        for end, moment in self.rod.moments.items():
+            system.external_torques[0, end] += self.rod.factor * moment
+        for end, spring in self.rod.springs.items():
+            system.external_torques[0, end] -= spring * self.rod.angle(end)
 
 
 @dataclass
@@ -66,29 +58,44 @@ class Rod:
     shear_factor: float = 1.0
     relaxed: bool = False
     factor: float = 1.0
-    stiffness: Stiffness = field(init=False)
-    rod: Any = field(init=False)
-    forces: Array = field(init=False)
-    moments: dict[int, tuple[float, float]] = field(init=False)
-    held: dict[int, str] = field(init=False)
 
     def __post_init__(self) -> None:
-        body = self.body
-        E, A, G = body.material.E, body.section.area, body.material.lame[1]
-        self.stiffness = Stiffness(
-            E * A, self.shear_factor * G * A, E * body.section.second_moment, body.length / self.elements
+        body, section, material = self.body, self.body.section, self.body.material
+        self.l = body.length / self.elements  # of an element, m
+        self.EA, self.EI = material.E * section.area, material.E * section.second_moment
+        self.GA = self.shear_factor * material.lame[1] * section.area
+        # of an inner node, kg, and of an element, kg m²
+        self.mass, self.inertia = (
+            material.density * x * self.l for x in (section.area, section.second_moment)
         )
-        self.held = {}
+        self.held: dict[int, str] = {}
         for joint in self.scene.joints:
-            body, side = self.scene.body_end(joint.ends[0])
-            if body is self.body:
+            held, side = self.scene.body_end(joint.ends[0])
+            if held is body:
                 self.held[-1 if side else 0] = "clamp" if isinstance(joint, Clamp) else "pin"
-        self.mass, self.inertia = self._inertias()
-        self.forces = self._weight()
-        for end, force in self._on_ends(Force, np.zeros(2)).items():
-            self.forces[:, end] += force
-        self.moments = self._end_moments()
+        nodal = np.full(self.elements + 1, self.mass)
+        nodal[[0, -1]] *= 0.5
+        self.forces = np.outer(np.asarray(self.scene.gravity), nodal)
+        self.springs = {
+            end: 2.0 * self.EI / self.l for end, held in self.held.items() if held == "clamp"
+        }  # N m/rad
+        self.moments = {0: 0.0, -1: 0.0}
+        self._load()
+        if self.relaxed:  # every diagonal of the stiffness over its inertia is at most 1 s⁻²
+            self.mass = 4.0 * max(self.EA, 2.0 * self.GA) / self.l
+            self.inertia = 2.0 * self.GA * self.l + 4.0 * self.EI / self.l
         self.rod = self._straight()
+
+    def _load(self) -> None:
+        """Add the loads on both ends."""
+        for load in self.scene.loads:
+            assert isinstance(load, Force | Torque)  # others are refused
+            body, side = self.scene.body_end(load.end)
+            end = -1 if side else 0
+            if body is self.body and isinstance(load, Force):
+                self.forces[:, end] += load.value
+            elif body is self.body:
+                self.moments[end] += float(load.value)  # type: ignore[arg-type]
 
     @property
     def largest_frequency(self) -> float:
@@ -97,11 +104,11 @@ class Rod:
         The shortest wave, of two elements, has the axial frequency √(4EA/(l m)); across, w at the nodes and θ at the
         elements are coupled by the shear strain (w₊ − w₋)/l − θ.
         """
-        s, mass, inertia = self.stiffness, self.mass, self.inertia
-        a, c = 4.0 * s.GA / (s.l * mass), 2.0 * s.GA / sqrt(mass * inertia)
-        d = (s.GA * s.l + 4.0 * s.EI / s.l) / inertia
+        mass, inertia = self.mass, self.inertia
+        a, c = 4.0 * self.GA / (self.l * mass), 2.0 * self.GA / sqrt(mass * inertia)
+        d = (self.GA * self.l + 4.0 * self.EI / self.l) / inertia
         across = 0.5 * (a + d + hypot(a - d, 2.0 * c))
-        return sqrt(max(across, 4.0 * s.EA / (s.l * mass)))
+        return sqrt(max(across, 4.0 * self.EA / (self.l * mass)))
 
     @property
     def axis(self) -> Array:
@@ -126,52 +133,20 @@ class Rod:
         """Kinetic and strain energy by PyElastica's own rules, with that of the clamps' springs, and potential, J."""
         rod = self.rod
         kinetic = rod.compute_translational_energy() + rod.compute_rotational_energy()
-        springs = sum(0.5 * k * self.angle(end) ** 2 for end, (_, k) in self.moments.items() if k)
+        springs = sum(0.5 * k * self.angle(end) ** 2 for end, k in self.springs.items())
         strain = rod.compute_bending_energy() + rod.compute_shear_energy() + springs
         return float(kinetic), float(strain), -float(np.sum(self.forces * rod.position_collection[:2]))
 
-    def _inertias(self) -> tuple[float, float]:
-        """Mass of an inner node (kg) and inertia of an element (kg m²)."""
-        s, density, section = self.stiffness, self.body.material.density, self.body.section
-        if self.relaxed:  # every diagonal of the stiffness over its inertia is at most 1 s⁻²
-            return 4.0 * max(s.EA, 2.0 * s.GA) / s.l, 2.0 * s.GA * s.l + 4.0 * s.EI / s.l
-        return density * section.area * s.l, density * section.second_moment * s.l
-
-    def _weight(self) -> Array:
-        nodal = np.full(self.elements + 1, self.stiffness.l)
-        nodal[[0, -1]] *= 0.5
-        nodal *= self.body.material.density * self.body.section.area
-        return np.outer(np.asarray(self.scene.gravity), nodal)
-
-    def _on_ends(self, kind: type, zero: Any) -> dict[int, Any]:
-        """Sums of the loads of a kind on both ends of the body: 0 and −1."""
-        found = {0: zero, -1: zero}
-        for load in self.scene.loads:
-            if isinstance(load, kind):
-                body, side = self.scene.body_end(load.end)  # type: ignore[union-attr]
-                if body is self.body:
-                    found[-1 if side else 0] = found[-1 if side else 0] + np.asarray(load.value)
-        return found
-
-    def _end_moments(self) -> dict[int, tuple[float, float]]:
-        """Moment (N m) and spring (N m/rad) of each end that has one."""
-        spring = 2.0 * self.stiffness.EI / self.stiffness.l
-        pairs = {
-            end: (float(moment), spring if self.held.get(end) == "clamp" else 0.0)
-            for end, moment in self._on_ends(Torque, 0.0).items()
-        }
-        return {end: pair for end, pair in pairs.items() if any(pair)}
-
     def _straight(self) -> Any:
         """PyElastica's rod, with the beam's stiffness and inertia about every axis of its section."""
-        body, s = self.body, self.stiffness
+        body = self.body
         rod = ea.CosseratRod.straight_rod(
             self.elements, np.array([*body.start, 0.0]), np.array([*self.axis, 0.0]), np.array([0.0, 0.0, 1.0]),
             body.length, sqrt(body.section.area / np.pi), body.material.density,
             youngs_modulus=body.material.E, shear_modulus=body.material.lame[1],
         )  # fmt: skip
-        rod.shear_matrix[:] = np.diag([s.GA, s.GA, s.EA])[..., None]
-        rod.bend_matrix[:] = (s.EI * np.eye(3))[..., None]
+        rod.shear_matrix[:] = np.diag([self.GA, self.GA, self.EA])[..., None]
+        rod.bend_matrix[:] = (self.EI * np.eye(3))[..., None]
         rod.mass_second_moment_of_inertia[:] = (self.inertia * np.eye(3))[..., None]
         rod.inv_mass_second_moment_of_inertia[:] = (np.eye(3) / self.inertia)[..., None]
         rod.mass[:] = self.mass
@@ -180,5 +155,5 @@ class Rod:
             v = np.array([body.velocity_at(x) for x in np.linspace(0.0, 1.0, self.elements + 1)]).T
             rod.velocity_collection[:2] = v
             normal = np.array([-self.axis[1], self.axis[0]])
-            rod.omega_collection[0] = normal @ np.diff(v, axis=1) / s.l
+            rod.omega_collection[0] = normal @ np.diff(v, axis=1) / self.l
         return rod

@@ -96,27 +96,21 @@ def zigzag(beams: int, joint: Any) -> at.Scene:
     return scene(bodies, [*joined(bodies, joint), at.Clamp("z0.start")])
 
 
-def tree_of(beams: int, made: Callable[..., at.Beam] = beam, angle: float = 0.6) -> list[at.Beam]:
-    """Beams "t0_0", "t1_0", "t1_1", … that part in two at each level, the last of which need not be full.
+def tree(beams: int, joint: Any) -> at.Scene:
+    """A tree, clamped at its foot, of beams "t0_0", "t1_0", "t1_1", … that part in two at each level.
 
-    From level to level the angle (rad) between a beam and those that grow from it becomes less.
+    The last level need not be full; from level to level the angle between a beam and those that grow from it is less.
     """
     ends: list[tuple[Place, float]] = [((0.0, 0.0), 0.5 * pi)]
     bodies: list[at.Beam] = []
     level = 0
     while len(bodies) < beams:
-        grown = []
+        grown, angle = [], 0.6 / (level + 1)
         for n, (place, way) in enumerate(ends[: beams - len(bodies)]):
             tip = place[0] + cos(way), place[1] + sin(way)
-            bodies.append(made(f"t{level}_{n}", place, tip))
-            grown += [(tip, way + angle / (level + 1)), (tip, way - angle / (level + 1))]
+            bodies.append(beam(f"t{level}_{n}", place, tip))
+            grown += [(tip, way + angle), (tip, way - angle)]
         ends, level = grown, level + 1
-    return bodies
-
-
-def tree(beams: int, joint: Any) -> at.Scene:
-    """A tree that is clamped at its foot."""
-    bodies = tree_of(beams)
     return scene(bodies, [*joined(bodies, joint), at.Clamp("t0_0.start")])
 
 

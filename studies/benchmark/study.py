@@ -11,9 +11,9 @@ from rich.console import Console
 from anctmm.errors import AnctmmError
 from anctmm.model.needs import needs
 from anctmm.solvers import registry
-from studies.benchmark.scenes import DENSE, EXUDYN, LONG, SPARSE, Item, items, sampled
+from studies.benchmark.scenes import LONG, Item, items, sampled
 from studies.engine.study import Result
-from studies.engine.tables import Table, say, show_frame
+from studies.engine.tables import Table, show_frame
 from studies.engine.timing import in_turn
 
 #: Measured rounds, by whether the run is quick.
@@ -86,7 +86,7 @@ def summary(raw: pd.DataFrame) -> pd.DataFrame:
         call_ms=1e3 * raw["call_s"],
         ratio_call=raw["call_s"] / raw["call_s_first"],
     )
-    columns = (
+    columns = [
         "coordinates",
         "steps",
         "ns_element_step",
@@ -94,10 +94,10 @@ def summary(raw: pd.DataFrame) -> pd.DataFrame:
         "ratio_step",
         "call_ms",
         "ratio_call",
-    )
+    ]
     groups = raw.groupby([*RUN, "solver"], sort=False)
     spread = groups["step_s"].agg(lambda times: float(np.ptp(times) / times.median()))
-    medians = groups[list(columns)].median()
+    medians = groups[columns].median()
     return medians.assign(spread=spread, repeats=groups.size(), status="ok").reset_index()
 
 
@@ -119,47 +119,7 @@ def bench(quick: bool = False, tell: Callable[[str], None] = lambda text: None) 
         Table("samples", "Raw samples", raw),
     )
     question = "What does a step cost, beside other solvers, and at length?"
-    return Result("bench", "Benchmark", question, findings(table), (), tables)
-
-
-def findings(table: pd.DataFrame) -> tuple[str, ...]:
-    """Sentences with numbers from the table."""
-    known = table[table["status"] == "ok"]
-    peers = known[known["solver"] == EXUDYN].groupby("steps_kind", sort=False)
-    paper = known[known["contest"].str.contains("the paper's")].groupby("elements")
-    long = known[known["contest"] == LONG].groupby("steps_kind", sort=False)
-    found = []
-    for kind, rows in peers:
-        step, call = (
-            f"{rows[c].min():.2g} to {rows[c].max():.2g} times" for c in ("ratio_step", "ratio_call")
-        )
-        found.append(
-            f"Exudyn takes {step} as long for a step, {call} for the whole call, at like settings ({kind}, "
-            f"{rows['elements'].min()} to {rows['elements'].max()} elements, one thread)."
-        )
-    for n, rows in paper:
-        ratio = rows.set_index("solver")["ratio_step"]
-        if {DENSE, SPARSE} <= set(ratio.index):
-            found.append(
-                f"The paper's four-bar of {n} elements: ANC-TMM's step takes {ratio[DENSE]:.3g} times less than a "
-                f"global solver's that factors a dense matrix in each step. Of this "
-                f"{ratio[DENSE] / ratio[SPARSE]:.3g} times is the gain of a sparse matrix that is factored once, "
-                f"{ratio[SPARSE]:.3g} times is the method's."
-            )
-    for kind, rows in long:
-        ns, size = rows["ns_element_step"], rows["coordinates"]
-        found.append(
-            f"At {size.max():,.0f} coordinates an element and {kind} step costs {ns.iloc[-1] / ns.iloc[0]:.2g} times "
-            f"as much as at {size.min():,.0f}."
-        )
-    return tuple(found)
-
-
-def glance(result: Result, console: Console) -> None:
-    """Print both tables and the findings."""
-    show(pd.concat([result.table(name).frame for name in ("contests", "length")]), result.title, console)
-    for finding in result.findings:
-        say(console, f"• {finding}")
+    return Result("bench", "Benchmark", question, (), (), tables)
 
 
 def show(frame: pd.DataFrame, title: str, console: Console) -> None:

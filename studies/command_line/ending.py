@@ -9,6 +9,8 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
+from anctmm.errors import AnctmmError
+
 #: Set, and a fault of the program is shown with the place where it happened.
 TRACEBACK = "ANCTMM_TRACEBACK"
 
@@ -49,16 +51,16 @@ class Command(TyperCommand):
                 ctx.fail(f"{option.opts[0]} is given {order.count(option)} times; once is allowed")
         return super().parse_args(ctx, args)
 
-    def invoke(self, ctx: Any) -> Any:
-        """Run it."""
+    def invoke(self, ctx: Any) -> None:
+        """Run it, and end with the code that it returns."""
         try:
-            found = super().invoke(ctx)
+            code = super().invoke(ctx)
             sys.stdout.flush()
-            return found
         except typer.Exit:
             raise
         except (KeyboardInterrupt, SystemExit, Exception) as error:
             end_with(error)
+        raise typer.Exit(code or Code.DONE)
 
 
 def end_with(error: BaseException) -> NoReturn:
@@ -79,11 +81,8 @@ def end_with(error: BaseException) -> NoReturn:
 
 def code_of(error: BaseException) -> Code:
     """The exit code of an exception that ends a command."""
-    from anctmm.errors import AnctmmError
-
-    closed = (
-        error.__context__ if isinstance(error, SystemExit) else error
-    )  # rich exits where its output is closed
+    # rich exits where its output is closed
+    closed = error.__context__ if isinstance(error, SystemExit) else error
     if isinstance(closed, BrokenPipeError):
         return Code.CLOSED
     if isinstance(error, KeyboardInterrupt):

@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from anctmm.solvers import registry
+
 #: Units of a duration, s.
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
 MESHES = "whole numbers from 1 on for each beam, or for all, such as 2/8/2 or 8"
@@ -28,8 +30,6 @@ def parser(read: Callable[[str], Any], allowed: str, several: bool = False) -> C
 
 def solver(text: str) -> str:
     """The name of a registered solver."""
-    from anctmm.solvers import registry
-
     if text not in registry.names():
         raise typer.BadParameter(f"{text!r}; allowed are {', '.join(registry.names())}")
     return text

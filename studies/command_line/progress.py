@@ -5,23 +5,21 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
-from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
 from studies.command_line.ending import Code
-
-if TYPE_CHECKING:
-    from studies.engine.runner import Runner
+from studies.engine import files
+from studies.engine.runner import Runner
 
 #: s between two lines where the output is no terminal.
 SILENT = 15.0
 
 
 @contextmanager
-def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None) -> "Iterator[Runner]":
+def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None) -> Iterator[Runner]:
     """A runner that shows its progress; on an interrupt it says what is stored and exits with 130.
 
     Raises
@@ -29,10 +27,7 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
     SweepError
         If both are given, or the cluster cannot be used.
     """
-    from studies.engine.files import store_directory
-    from studies.engine.runner import Runner
-
-    store, said = store_directory(), monotonic()
+    store, said = files.store_directory(), monotonic()
     with bar() as progress:
         task = progress.add_task("starting", total=None)
 

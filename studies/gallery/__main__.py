@@ -1,6 +1,75 @@
-"""`python -m studies.gallery`."""
+"""The gallery's page and pictures: `python -m studies.gallery`."""
 
-from studies.gallery.page import write
+import runpy
+from collections.abc import Mapping
+from math import floor, log10
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+import anctmm as at
+from anctmm.errors import SolverError
+from anctmm.results.solution import Solution
+
+FOLDER = Path(__file__).parent
+SCENES, PICTURES, PAGE = FOLDER / "scenes", FOLDER / "pictures", FOLDER / "README.md"
+HEAD = """# Gallery
+
+Short scenes, each a file with its settings and a value that is known independently. The tests run them all.
+Each file is a case: `anctmm run studies/gallery/scenes/bridge.py` runs it, and the studies accept it, too.
+The pictures are those of `solution.plot()`.
+
+`python -m studies.gallery` writes this page and its pictures. A new scene is a new file in `scenes/` with a docstring
+("Title: text"), `CASES`, `RUN` (the settings) and `known(solution)`.
+"""
+
+
+def scenes() -> dict[str, Mapping[str, Any]]:
+    """All files of the gallery, by name, with the names that each defines."""
+    return {path.stem: runpy.run_path(str(path)) for path in sorted(SCENES.glob("*.py"))}
+
+
+def solved(names: Mapping[str, Any]) -> Solution:
+    """The solution of a file's case with its settings.
+
+    Raises
+    ------
+    SolverError
+        If it does not end well.
+    """
+    (case,) = names["CASES"]
+    if case.static:
+        found = at.solve_static(case.scene, **names["RUN"])
+    else:
+        found = at.solve(case.scene, t_end=case.duration, output_dt=case.interval, **names["RUN"])
+    if not found.status.ok:
+        raise SolverError(f"{case.name}: {found.status}")
+    return found
+
+
+def write() -> None:
+    """Run all scenes; write the pictures and the page."""
+    parts = [HEAD]
+    for name, names in scenes().items():
+        found = solved(names)
+        with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "path.simplify_threshold": 0.5}):
+            found.plot().savefig(PICTURES / f"{name}.svg", metadata={"Date": None})
+        parts.append(section(name, names, found))
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+
+
+def section(name: str, names: Mapping[str, Any], found: Solution) -> str:
+    """Title, text, picture and the known value of a scene."""
+    title, _, text = names["__doc__"].partition(": ")
+    what, value, known, tolerance, unit, source = names["known"](found)
+    digits = max(0, 1 - floor(log10(tolerance)))
+    shown, exact = (f"{x:.{digits}f} {unit}".strip() for x in (value, known))
+    return (
+        f"## {title}\n\n{text[0].upper()}{text[1:]} ([`{name}.py`](scenes/{name}.py))\n\n"
+        f"![{title}](pictures/{name}.svg)\n\n{what[0].upper()}{what[1:]}: {shown}; known: {exact} ({source}).\n"
+    )
+
 
 if __name__ == "__main__":
     write()

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import partial
 from math import floor, log10
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -14,8 +15,8 @@ from studies.engine.study import Result, check_taken
 from studies.engine.tables import Table
 from studies.published import problems as p
 
-#: What a digitised curve or a single run of another code may be off by, of the number.
-DIGITISED = 0.02
+#: What a formula, and a digitised curve or a single run of another code, may be off by, of the number.
+OFF = {"exact": 1e-15, "curve": 0.02}
 #: Digits from which on two numbers are the same except for the last ones; and those of a double.
 FEW, ALL = 3, 15
 EXUDYN = "Exudyn, test models"
@@ -27,8 +28,7 @@ SHEAR = "needs Reissner's beam: the paper's shear element has Green's strains an
 COARSE = "on the published mesh of linear elements of Exudyn's beam of Reissner's kind"
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """A value with the uncertainty of its discretisation; 0 where the published number is for the same mesh."""
 
     value: float
@@ -60,8 +60,9 @@ class Published:
     find: Callable[[int], float] | None = None  # elements → the number; None where it cannot be found here
     finest: int = 0  # elements of the finest of three meshes; a quick run halves them
     note: str = ""
-    kind: str = "printed"  # or "exact": a formula, each digit of which is known; or "curve": read off a curve
-    fixed: bool = False  # whether it is the number of one mesh, of `finest` elements
+    kind: str = (
+        "printed"  # or "mesh": of one mesh, of `finest` elements; "exact": a formula; "curve": read off one
+    )
 
     @property
     def value(self) -> float:
@@ -71,21 +72,19 @@ class Published:
     @property
     def digits(self) -> int:
         """Digits that are known of it."""
-        mantissa = self.printed.lower().partition("e")[0]
-        return ALL if self.kind == "exact" else len(mantissa.lstrip("-0.").replace(".", ""))
+        return ALL if self.kind == "exact" else len(Decimal(self.printed).as_tuple().digits)
 
     @property
     def uncertainty(self) -> float:
         """Of the number: half of its last digit, or what reading a curve may be off by."""
-        if self.kind != "printed":
-            return {"exact": 1e-15, "curve": DIGITISED}[self.kind] * abs(self.value)
-        mantissa, _, power = self.printed.lower().partition("e")
-        return float(0.5 * 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])))
+        if self.kind in OFF:
+            return OFF[self.kind] * abs(self.value)
+        return 0.5 * 10.0 ** int(Decimal(self.printed).as_tuple().exponent)
 
     def found(self, quick: bool) -> Value:
         """The value found here."""
         assert self.find
-        if self.fixed:
+        if self.kind == "mesh":
             return Value(self.find(self.finest))
         finest = self.finest // 2 if quick else self.finest
         return converged(self.find, (finest // 4, finest // 2, finest))
@@ -99,7 +98,7 @@ PUBLISHED = (
       for k, printed in enumerate(["-0.508537304326", "-1.207239854550"])),
     *(Published("elastica, 4 cables", f"tip displacement {'xy'[k]}", "m", printed, EXUDYN,
                 partial(p.elastica, axis=k, stretch="free"), 4,
-                "on the same mesh, with its clamp, which leaves the stretch free", fixed=True)
+                "on the same mesh, with its clamp, which leaves the stretch free", kind="mesh")
       for k, printed in enumerate(["-0.50742872", "-1.20553370"])),
     Published("roll-up, M L/EI = 2π", "tip displacement x", "m", "-1.0", "exact", p.roll_up, 64, kind="exact"),
     *(Published(f"shear cantilever, {size} force", f"tip displacement {'xy'[k]}, size", "m", printed, NACHBAGAUER,
@@ -111,7 +110,8 @@ PUBLISHED = (
       for k, (name, printed) in enumerate([("first", "18.7e3"), ("second", "-9.3e3")])),
     Published("catenary, EI → 0", "lowest point y", "m", str(p.exact_catenary()), "exact (extensible)", p.catenary, 64,
               kind="exact"),
-    *(Published("L-frame, 4 + 4 elements", "tip displacement y", "m", printed, source, p.l_frame, 4, COARSE, fixed=True)
+    *(Published("L-frame, 4 + 4 elements", "tip displacement y", "m", printed, source, p.l_frame, 4, COARSE,
+                kind="mesh")
       for printed, source in [
           ("-0.9181474510515", "Exudyn LShapeGeomExactBeam2D, as quoted"),
           ("-2.2115028353806", "Exudyn LShapeGeomExactBeam2D, commit 30ec2d5")]),
@@ -162,7 +162,7 @@ def _row(entry: Published, quick: bool) -> dict[str, Any]:
 def judged(entry: Published, found: Value) -> tuple[int, str]:
     """Confirmed digits, and the verdict in words."""
     difference, allowed = abs(found.value - entry.value), entry.uncertainty + found.uncertainty
-    if entry.kind == "printed" and difference + found.uncertainty <= entry.uncertainty:
+    if entry.kind not in OFF and difference + found.uncertainty <= entry.uncertainty:
         return entry.digits, f"confirmed as printed ({entry.digits} digits)"
     size = max(abs(found.value), abs(entry.value))
     digits = min(entry.digits, _digits(size, difference), _digits(size, found.uncertainty))
@@ -183,10 +183,12 @@ def _digits(size: float, error: float) -> int:
 
 def findings(frame: pd.DataFrame) -> tuple[str, ...]:
     """The table in sentences: counts of the verdicts, and each number that is not simply confirmed."""
-    kinds = "confirmed as printed", "confirmed to", "undecided", "contradicted", "not "
-    said = "confirmed as printed", "confirmed to fewer digits", "undecided", "contradicted", "not compared"
+    kinds = {
+        "confirmed as printed": "confirmed as printed", "confirmed to": "confirmed to fewer digits",
+        "undecided": "undecided", "contradicted": "contradicted", "not ": "not compared",
+    }  # fmt: skip
     verdict = frame["verdict"].str
-    counts = [(int(verdict.startswith(kind).sum()), words) for kind, words in zip(kinds, said, strict=True)]
+    counts = [(int(verdict.startswith(kind).sum()), words) for kind, words in kinds.items()]
     special = frame[verdict.contains("not beyond") | verdict.startswith(("contradicted", "not "))]
     sentences = (f"{r.problem}, {r.quantity}: {r.verdict} ({r.source})." for r in special.itertuples())
     in_all = ", ".join(f"{count} {words}" for count, words in counts if count)

@@ -172,18 +172,6 @@ def section_forces(cross, material, p, d, q):
     return forces
 
 
-def fields_at(shape, fraction):
-    """c', d and d' of a shape, the last by differences of high order inside a part."""
-    e, x = shape._part(fraction)
-    length = np.diff(shape.breaks)[e] * shape.problem.length
-    series = np.polynomial.legendre.legder(shape.directors[e])
-    return (
-        shape.slope(fraction),
-        shape.director(fraction),
-        np.polynomial.legendre.legval(x, series) * 2 / length,
-    )
-
-
 @pytest.mark.parametrize(
     ("slenderness", "poisson", "load", "moment"),
     [
@@ -201,7 +189,7 @@ def test_director_continuum_satisfies_its_strong_form(slenderness, poisson, load
     n, scale = np.array(problem.force), material.E * cross.second_moment
     integrals = []
     for fraction in (0.003, 0.11, 0.5, 0.83, 0.998):
-        p, d, q = fields_at(shape, fraction)
+        (_, d), (p, q) = shape.fields(fraction)
         by_p, _, by_q = section_forces(cross, material, p, d, q)
         assert_allclose(by_p, n, rtol=0, atol=1e-8 * scale)
         arm = shape.position(1.0) - shape.position(fraction)

@@ -9,7 +9,6 @@ import pytest
 import anctmm as at
 from reference import opensees
 from reference.exact import solve_static
-from reference.opensees import process
 from studies.scenes import (
     cantilever_end_moment,
     cantilever_fall,
@@ -24,7 +23,7 @@ EI = MATERIAL.E * SECTION.second_moment
 USUAL = {"mesh": 4, "dt": 2e-3, "t_end": 0.02}
 
 needed = pytest.mark.skipif(
-    not any(map(find_spec, process.PACKAGES)), reason="OpenSees (extra `peers`) is not installed"
+    not any(map(find_spec, opensees.PACKAGES)), reason="OpenSees (extra `peers`) is not installed"
 )
 
 
@@ -205,10 +204,10 @@ def test_what_it_cannot_do_is_unsupported(scene, options, reason):
 def ending(tmp_path, monkeypatch, command):
     """A process that does its job and ends otherwise than it should."""
     worker = tmp_path / "worker.py"
-    text, end = process.WORKER.read_text(), '    (folder / "end.json")'
+    text, end = opensees.WORKER.read_text(), '    (folder / "end.json")'
     assert end in text
     worker.write_text(text.replace(end, f"    {command}\n{end}"))
-    monkeypatch.setattr(process, "WORKER", worker)
+    monkeypatch.setattr(opensees, "WORKER", worker)
 
 
 @needed

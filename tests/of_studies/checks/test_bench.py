@@ -6,13 +6,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from rich.console import Console
 
 import anctmm as at
 from studies.benchmark import study as bench
-from studies.benchmark.scenes import DENSE, EXUDYN, LENGTHS, LONG, OURS, SPARSE, items, sampled
+from studies.benchmark.scenes import DENSE, EXUDYN, LENGTHS, OURS, SPARSE, items, sampled
 
 ROOT = Path(__file__).parents[3]
 BEAM = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Rectangle(0.02, 0.02), at.Material(5e6, 1100.0))
@@ -64,22 +63,6 @@ def test_every_item_runs():
             short = replace(run, t_end=2 * run.dt, output_dt=run.dt)
             # two steps of a drive that begins slowly move nothing by more than rounding
             assert at.solve(item.made(), short).status.code in ("ok", "imprecise"), item
-
-
-def test_findings_split_the_papers_gain():
-    def row(contest, solver, ratio, size=12, ns=50.0):
-        return {
-            "contest": contest, "steps_kind": "implicit", "solver": solver, "elements": size, "ratio_step": ratio,
-            "ratio_call": 2.0, "coordinates": 4 * (size + 1), "ns_element_step": ns, "status": "ok",
-        }  # fmt: skip
-
-    paper = [row("four-bar, the paper's", s, r) for s, r in ((OURS, 1.0), (SPARSE, 2.0), (DENSE, 80.0))]
-    long = [row(LONG, OURS, 1.0, 10), row(LONG, OURS, 1.0, 1000, 60.0)]
-    peers, gain, length = bench.findings(pd.DataFrame([row("like", EXUDYN, 8.0), *paper, *long]))
-    assert "8 to 8 times as long for a step, 2 to 2 times for the whole call" in peers
-    assert "80 times less" in gain
-    assert "Of this 40 times is the gain of a sparse matrix" in gain
-    assert "1.2 times as much as at 44" in length
 
 
 def test_two_checkouts_are_timed_in_turn():

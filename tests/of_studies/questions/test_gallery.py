@@ -3,7 +3,7 @@
 import pytest
 
 from studies.cases import cases_in
-from studies.gallery.page import PAGE, PICTURES, SCENES, scenes, section, solved
+from studies.gallery.__main__ import PAGE, PICTURES, SCENES, scenes, section, solved
 
 EVERY = scenes()
 PAGE_TEXT = PAGE.read_text(encoding="utf-8")
