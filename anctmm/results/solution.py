@@ -14,7 +14,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import ResultError, UnknownNameError, listed, shown
 from anctmm.model.accepted import ConnectorKind, JointKind
 from anctmm.model.bodies import beam_of
-from anctmm.model.checks.space import check_plane
+from anctmm.model.checks.parts import check_plane
 from anctmm.model.connectors import Connector
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 from anctmm.model.scene import Beam, Probe, Scene

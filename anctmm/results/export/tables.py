@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ResultError, shown
-from anctmm.model.checks.space import check_plane
+from anctmm.model.checks.parts import check_plane
 from anctmm.results.fields import RigidField
 
 if TYPE_CHECKING:
