@@ -22,16 +22,9 @@ QUARTER_TURN.setflags(write=False)
 
 @dataclass(frozen=True)
 class Signal:
-    """A factor that depends on time: a history's value, or the cosine or sine of it.
+    """A factor that depends on time: the value of a history, or the cosine or sine of it ("value", "cos", "sin").
 
-    Parameters
-    ----------
-    history : callable
-        t (s) → value, rate and acceleration.
-    shape : str
-        "value", "cos" or "sin".
-    name : str
-        What the history drives, for messages.
+    The history gives t (s) → value, rate and acceleration; `name` says what it drives, for messages.
     """
 
     history: Callable[[Any], tuple[Any, Any, Any]]
@@ -174,16 +167,9 @@ class _Expression:
 
 @dataclass(frozen=True)
 class Vector(_Expression):
-    """Σ w A x + Σ w b.
+    """Σ w A x + Σ w b, over vectors x that are `at`, (vectors, dim), at the start.
 
-    Parameters
-    ----------
-    at : ndarray, shape (vectors, dim)
-        All coordinate vectors of the scene at the start.
-    terms : mapping of (vector, signal) to ndarray, shape (dim, dim)
-        A, by number of x and signal; None is the signal that is always 1.
-    constants : mapping of signal to ndarray, shape (dim,)
-        b.
+    `terms`: A, (dim, dim), by number of x and signal w; None is the signal that is always 1. `constants`: b, (dim,).
     """
 
     at: Array
@@ -250,16 +236,8 @@ class Vector(_Expression):
 class Scalar(_Expression):
     """Σ w x·C y + Σ w c·x + Σ w n: one equation of a joint says that it is zero.
 
-    Parameters
-    ----------
-    at : ndarray, shape (vectors, dim)
-        As of `Vector`.
-    pairs : mapping of (vector, vector, signal) to ndarray, shape (dim, dim)
-        C.
-    terms : mapping of (vector, signal) to ndarray, shape (dim,)
-        c.
-    constants : mapping of signal to float
-        n.
+    `pairs`: C, (dim, dim), by numbers of x and y and signal w; `terms`: c, (dim,), by number of x and w; `constants`:
+    n; `at` as of `Vector`.
     """
 
     at: Array

@@ -40,16 +40,10 @@ def rigid_bodies(solution: Any) -> frozenset[str]:
 
 
 class JointAtOutputs:
-    """A joint and the vectors of its places at all outputs.
+    """A joint of a solution and the vectors of its places at all outputs.
 
-    Parameters
-    ----------
-    solution : Solution
-    joint : Joint
-    rigid : frozenset of str
-        Bodies that do not bend, see `rigid_bodies`.
-    unit : bool
-        Whether vectors that turn are divided by their lengths: what a joint holds of the stretch is left out.
+    `rigid`: names of bodies that do not bend; `unit`: whether vectors that turn are divided by their lengths, so that
+    what a joint holds of the stretch is left out.
     """
 
     def __init__(self, solution: Any, joint: Joint, rigid: frozenset[str], unit: bool = False) -> None:

@@ -59,12 +59,7 @@ def spun(scene: Scene, spin: float, given: str = "spin is given") -> Frame:
 def frame_at(scene: Scene, time: float, signals: Sequence[Signal] = ()) -> Frame:
     """The frame in which a scene can be steady while its drives move as they do at a time (s) of its motion.
 
-    `signals`: all that joints depend on.
-
-    Raises
-    ------
-    DiscretisationError
-        If there is none: modes do not exist there.
+    `signals`: all that joints depend on. DiscretisationError if there is none: modes do not exist there.
     """
     found = GROUND
     joints = {id(drive[1]): joint for joint in scene.joints if (drive := drive_of(joint))}

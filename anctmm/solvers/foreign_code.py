@@ -12,12 +12,8 @@ class ProcessExit(Exception):
 def contained() -> Iterator[None]:
     """Run code of others: an attempt to end the program is an exception like others.
 
-    Raises
-    ------
-    ProcessExit
-        In the place of SystemExit, which would pass for a run that went well, and of whatever else is no Exception.
-    KeyboardInterrupt
-        The user's, which passes; in the place of an error that compiled code made of it, too.
+    SystemExit, which would pass for a run that went well, and whatever else is no Exception, become ProcessExit; a
+    KeyboardInterrupt of the user passes, also in the place of an error that compiled code made of it.
     """
     try:
         yield

@@ -40,12 +40,8 @@ def origins() -> list[tuple[str, str]]:
 def solver(name: str) -> Solver:
     """The solver of a name: (scene, discretisation) → Solution. Its answers are checked to be solutions.
 
-    Raises
-    ------
-    UnknownSolverError
-        If no package registers that name.
-    PluginError
-        If it cannot be loaded, or two packages register that name; when called, if it returns an invalid solution.
+    UnknownSolverError if no package registers that name. PluginError if it cannot be loaded, or two packages register
+    that name; when called, if it returns an invalid solution.
     """
     return checked(name, load(name))
 

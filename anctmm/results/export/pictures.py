@@ -267,27 +267,18 @@ def plot_campbell(
     """Frequencies, (n, count), Hz, over the speed, (n,), rad/s, with rays of its multiples; crosses where unstable."""
     figure = needed("matplotlib.figure", "plot").Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
-    for k, line in enumerate(frequencies.T):
-        axes.plot(speeds, line, "o-", ms=3.5, lw=1.6, color=f"C{k % 10}", label=f"mode {k + 1}")
+    names = [f"mode {k + 1}" for k in range(frequencies.shape[1])]
+    axes.plot(speeds, frequencies, "o-", ms=3.5, lw=1.6, label=names)
     if unstable.any():
-        over = np.broadcast_to(speeds[:, None], frequencies.shape)
-        axes.plot(
-            over[unstable], frequencies[unstable], "x", color="0.1", ms=8, label="unstable", clip_on=False
-        )
+        over = np.broadcast_to(speeds[:, None], frequencies.shape)[unstable]
+        axes.plot(over, frequencies[unstable], "x", color="0.1", ms=8, label="unstable", clip_on=False)
     top = 1.08 * float(np.nanmax(frequencies))
-    for order in orders:
-        ray = order * speeds / (2.0 * np.pi)
-        inside = ray <= top
-        axes.plot(speeds[inside], ray[inside], ":", color="0.5", lw=1.0)
-        if inside.sum() > 1:
-            axes.annotate(
-                f"{order}×", (speeds[inside][-1], ray[inside][-1]), xytext=(3, 1), textcoords="offset points",
-                fontsize="small", color="0.4",
-            )  # fmt: skip
-    axes.set(
-        xlabel="speed (rad/s)", ylabel="frequency (Hz)", title=literal(f"{name}: frequencies over the speed")
-    )
-    axes.set_ylim(0.0, top)
+    for slope in np.array(orders) / (2.0 * np.pi):
+        axes.axline((0.0, 0.0), slope=slope, ls=":", color="0.5", lw=1.0)
+        end = min(float(speeds.max()), top / slope)
+        axes.annotate(f"{2.0 * np.pi * slope:.0f}×", (end, slope * end), fontsize="small", color="0.4")
+    axes.set(xlabel="speed (rad/s)", ylabel="frequency (Hz)", ylim=(0.0, top))
+    axes.set_title(literal(f"{name}: frequencies over the speed"))
     axes.grid(alpha=0.3)
-    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    axes.legend(**BESIDE)
     return figure  # type: ignore[no-any-return]

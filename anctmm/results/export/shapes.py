@@ -29,13 +29,7 @@ class Shape:
 
 
 def shapes_of(solution: Any) -> list[Shape]:
-    """Everything that moves: bodies in the scene's order, then springs, then guides.
-
-    Parameters
-    ----------
-    solution : Solution
-        With at least one output.
-    """
+    """Everything that moves, of a solution with an output: bodies in the scene's order, springs, guides."""
     scene = solution.scene
     bodies = [_body(solution, body) for body in scene.bodies if body.name in solution.fields]
     springs = [_spring(solution, connector) for connector in scene.connectors]

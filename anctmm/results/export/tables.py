@@ -26,13 +26,7 @@ EXTRA = {"pandas": "files", "xarray": "files", "meshio": "files", "matplotlib": 
 
 
 def needed(package: str, what: str) -> ModuleType:
-    """An optional package.
-
-    Raises
-    ------
-    ResultError
-        If it is not installed, with the command that installs it.
-    """
+    """An optional package; ResultError with the command that installs it if it is not installed."""
     try:
         return import_module(package)
     except ImportError as error:

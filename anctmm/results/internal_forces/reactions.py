@@ -30,13 +30,7 @@ Array = NDArray[np.float64]
 
 
 def reactions_of(solution: Any) -> list[Array]:
-    """What each joint of a scene exerts on its first place: force, N, and moment, N m, see `Solution.reaction`.
-
-    Raises
-    ------
-    ResultError
-        If the solution does not have what reactions are found from.
-    """
+    """What each joint exerts on its first place, force, N, and moment, N m; errors as of `Solution.reaction`."""
     rigid = rigid_bodies(solution)
     joints = [JointAtOutputs(solution, joint, rigid) for joint in solution.scene.joints]
     equations = _Equations(solution)
@@ -168,12 +162,7 @@ def _center(solution: Any, body: Body) -> Array:
 def _held(solution: Any, body: Body) -> tuple[Array, Array]:
     """Force and moment about its centre on a rigid body of all that is no load, weight or connector.
 
-    A point mass has no moment, (n, 0).
-
-    Raises
-    ------
-    ResultError
-        If the solution has no accelerations.
+    A point mass has no moment, (n, 0). ResultError if the solution has no accelerations.
     """
     name, field = body.name, solution.fields[body.name]
     if not isinstance(field, NodalField) or (field.accelerations is None and not solution.static):

@@ -1,12 +1,10 @@
 """Natural modes about motions: drives that stand still, that turn the scene steadily, and all others."""
 
-from math import pi, sqrt
-
 import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.errors import DiscretisationError, EquilibriumWarning
+from anctmm.errors import DiscretisationError
 
 STEEL = at.Material(E=2e11, density=1500.0)
 TURN, MOVE, REST = 0.7, 0.1, 2.0
@@ -161,32 +159,3 @@ def test_drives_that_speed_up_are_refused(kind):
     scene = at.Scene("fast", *make(at.Quintic(turn=TURN if turns else MOVE, duration=REST), 0.0, 0.0))
     with pytest.raises(DiscretisationError, match=r"per second, so that.*no modes; end the motion"):
         at.modes(scene, mesh=2, about=at_the_end(scene, 0.8))
-
-
-def swinging(angle):
-    """A rod at a pin, let go at an angle; and the last output of a motion of it."""
-    center = (0.5 * np.sin(angle), -0.5 * np.cos(angle))
-    rod = at.RigidBody("rod", mass=1.0, inertia=1.0 / 12.0, center=center, points={"pin": (0.0, 0.0)})
-    scene = at.Scene("pendulum", [rod], [at.Pin("rod.pin")], gravity=(0.0, -9.81))
-    return scene, at.solve(scene, dt=1e-2, t_end=0.1)
-
-
-def test_a_motion_that_is_no_equilibrium_is_told():
-    """Its stiffness is that of a pendulum held at an angle: √cos φ of the frequency."""
-    scene, motion = swinging(0.5)
-    with pytest.warns(
-        EquilibriumWarning, match=r"'pendulum' are about is no equilibrium.*about 0\.2\d m"
-    ) as said:
-        found = at.modes(scene, about=motion)
-    assert said[0].filename == __file__
-    known = sqrt(1.5 * 9.81 * np.cos(motion.angle("rod")[-1] + 0.5))
-    assert 2 * pi * found.frequencies[0] == pytest.approx(known, rel=1e-6)
-
-
-def test_next_to_an_equilibrium_and_in_free_flight_nothing_is_told():
-    """Warnings are errors here."""
-    scene, motion = swinging(1e-4)
-    assert 2 * pi * at.modes(scene, about=motion).frequencies[0] == pytest.approx(sqrt(1.5 * 9.81), rel=1e-6)
-    arm = at.Scene("thrown", [beam("a", (0, 0), (1, 0))], gravity=(0.0, -9.81))
-    falling = at.modes(arm, mesh=2, count=4, about=at_the_end(arm, 0.1)).frequencies
-    np.testing.assert_allclose(falling[3], at.modes(arm, mesh=2, count=4).frequencies[3], rtol=1e-6)
