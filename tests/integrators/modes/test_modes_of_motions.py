@@ -67,11 +67,6 @@ def guided(law, turn, move):
     return [beam("a", (0, move), (1, move))], [at.Prismatic("a.start", (0, 1), position=law)]
 
 
-def guided_box(law, turn, move):
-    bodies = [box("h", (move, 0), p=(0.1 + move, 0)), beam("a", (0.1 + move, 0), (1 + move, 0))]
-    return bodies, [at.Prismatic("h.center", (1, 0), position=law), at.Weld("h.p", "a.start")]
-
-
 def guided_in_a_body(law, turn, move, kind=at.Prismatic):
     bodies = [beam("b", (-1, 0), (0, 0)), box("h", (0, 0), p=(0.1, 0)), box("k", (0.4 + move, 0))]
     guide = kind("k.center", (1, 0), body="h", position=law)
@@ -95,7 +90,6 @@ KINDS = {
     "hinge of a box": (hinged_box, True),
     "slider": (slid, False),
     "prismatic": (guided, False),
-    "prismatic of a box": (guided_box, False),
     "prismatic in a box": (guided_in_a_body, False),
     "slider in a box": (lambda *a: guided_in_a_body(*a, kind=at.Slider), False),
 }
