@@ -10,8 +10,8 @@ from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.integrators.integrate import integrate
 from anctmm.model.scene import Scene
 from anctmm.results.accounting import accounted
+from anctmm.results.metrics import verified
 from anctmm.results.solution import Solution
-from anctmm.results.verification import verified
 from anctmm.solve import solve, system_of
 from anctmm.validation import flag
 

@@ -12,8 +12,8 @@ from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
+from anctmm.results.metrics import verified
 from anctmm.results.solution import Solution
-from anctmm.results.verification import verified
 from anctmm.small_motions import modes
 from anctmm.solvers.capabilities import Offer, uncombined
 from anctmm.system.system import System

@@ -34,13 +34,7 @@ class FrozenMapping(dict[str, Any]):
 
 
 def number(name: str, value: object, error: type[AnctmmError] = PropertyError) -> float:
-    """Return `value` as a finite float.
-
-    Raises
-    ------
-    AnctmmError
-        Of the class `error`, if `value` is no finite real number, or is larger than 1e100.
-    """
+    """Return `value` as a finite float, or raise `error` if it is no real number, or is larger than 1e100."""
     result = _real(value)
     if result is None or not isfinite(result):
         raise error(f"{name} is {shown(value)}; a finite number is needed")
@@ -147,13 +141,7 @@ def point(name: str, value: object) -> tuple[float, ...]:
 
 
 def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
-    """Return `value` if it is one of the allowed names.
-
-    Raises
-    ------
-    UnknownOptionError
-        If it is not.
-    """
+    """Return `value` if it is one of the allowed names, or raise UnknownOptionError."""
     allowed = tuple(allowed)
     plain = str.__str__(value) if isinstance(value, str) else None
     if plain is None or plain not in allowed:
@@ -164,10 +152,8 @@ def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
 def answer_of(what: str, function: Callable[..., Any], *arguments: float, count: int) -> Array:
     """Numbers that a user's function answers, (count,).
 
-    Raises
-    ------
-    PropertyError
-        If it raises, or answers with something else than so many finite numbers; `what` names it and its arguments.
+    PropertyError if it raises, or answers with something else than so many finite numbers; `what` names it and its
+    arguments.
     """
     needed = f"{'one finite number is' if count == 1 else f'{count} finite numbers are'} needed"
     try:
@@ -184,13 +170,7 @@ def answer_of(what: str, function: Callable[..., Any], *arguments: float, count:
 
 
 def reals(value: Any) -> Array:
-    """Numbers of any shape as an array of floats.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there are others among them than real numbers.
-    """
+    """Numbers of any shape as an array of floats; TypeError or ValueError if there are others than real numbers."""
     array = np.asarray(value)
     if array.dtype.kind in "iuf":
         return array.astype(np.float64)

@@ -122,7 +122,6 @@ class Beam(BodyKind):
                 f"beam {self.name!r} velocity is {shown(self.velocity)}; a callable fraction -> (vx, vy) is needed"
             )
         positive(f"beam {self.name!r} length (m)", self.length, DegenerateBodyError, SHORTEST, LONGEST)
-        self._check_sizes()
 
     def misfit(self, scene: Any) -> str:
         if scene.dim == 3 and not isinstance(self.section, Circle):
@@ -194,16 +193,6 @@ class Beam(BodyKind):
     def speed(self) -> float:
         """Size of the initial velocity, m/s; 1 without one."""
         return size_of(self.velocity_at)
-
-    def _check_sizes(self) -> None:
-        """Refuse a beam whose stiffness or mass is no number that can be computed with."""
-        E, rho, L = self.material.E, self.material.density, self.length
-        A, I, J = self.section.area, self.section.second_moment, self.section.fourth_moment  # noqa: E741
-        for name, value in {
-            "EA (N)": E * A, "EI (N m²)": E * I, "EJ (N m⁴)": E * J, "EA/length (N/m)": E * A / L,
-            "EI/length³ (N/m)": E * I / L**3, "mass (kg)": rho * A * L, "rotary inertia (kg m²)": rho * I * L,
-        }.items():  # fmt: skip
-            positive(f"beam {self.name!r} {name}", value)
 
 
 Body = Beam | RigidBody | PointMass

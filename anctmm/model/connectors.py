@@ -48,7 +48,8 @@ class _Connecting(ConnectorKind):
     @property
     def ground(self) -> Point | None:
         """The point of the ground that it is fixed to."""
-        return self.second if _is_point(self.second) else None
+        pair = has_length(self.second, (2, 3)) and not isinstance(self.second[0], str)
+        return self.second if pair else None
 
     @property
     def places(self) -> tuple[Written, ...]:
@@ -241,7 +242,3 @@ def law_value(name: str, law: Law, elongation: float, rate: float, time: float) 
     """What a law answers; PropertyError unless it is one finite number."""
     asked = f"{name} law (elongation, rate, t) at elongation {elongation!r}, rate {rate!r}, t = {time!r} s"
     return float(answer_of(asked, law, elongation, rate, time, count=1)[0])
-
-
-def _is_point(value: Any) -> bool:
-    return has_length(value, (2, 3)) and not isinstance(value[0], str)

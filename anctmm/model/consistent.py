@@ -12,7 +12,7 @@ from anctmm.model.bodies import Beam, Body
 from anctmm.model.checks.conditions import axes_of, conditions_of
 from anctmm.model.checks.start import EQUAL
 from anctmm.model.places import Place
-from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.scene import Scene, SceneToBeStarted, checked_scene
 from anctmm.model.velocities import RigidVelocity, turned
 
@@ -122,14 +122,12 @@ def _moved(body: Body, motion: Array, dim: int) -> Body:
     """The body with a velocity of its centre and a spin."""
     velocity: Any = tuple(motion[:dim].tolist())
     spin: Any = float(motion[dim]) if dim == 2 else tuple(motion[dim:].tolist())
-    match body:
-        case Beam():
-            rigid = RigidVelocity(body.start, body.end, body.center, spin, velocity)
-            return replace(body, velocity=rigid if motion.any() else None)
-        case RigidBody():
-            return replace(body, velocity=velocity, spin=spin)
-        case PointMass():
-            return replace(body, velocity=velocity)
+    if isinstance(body, Beam):
+        rigid = RigidVelocity(body.start, body.end, body.center, spin, velocity)
+        return replace(body, velocity=rigid if motion.any() else None)
+    if isinstance(body, RigidBody):
+        return replace(body, velocity=velocity, spin=spin)
+    return replace(body, velocity=velocity)
 
 
 def least_norm(mass: Any, A: Any, right: Array) -> Array:

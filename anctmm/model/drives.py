@@ -113,10 +113,7 @@ class History:
 def breaks_of(name: str, history: object) -> tuple[float, ...] | None:
     """Times at which a history says by its attribute `breaks` that it breaks, ascending, s; None if it says nothing.
 
-    Raises
-    ------
-    PropertyError
-        If they are no finite numbers; `name` says what the history drives.
+    PropertyError if they are no finite numbers; `name` says what the history drives.
     """
     stated = getattr(history, "breaks", None)
     if stated is None:
@@ -131,14 +128,10 @@ def value_at(name: str, history: Callable[[Any], Any], time: float, width: int) 
 
 
 def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> Array:
-    """Values of a history at many times, (n, width), by one array call where the callable allows it.
+    """Values of a history at times t, s, (n, width), by one array call where the callable allows it.
 
-    `name`: what the history drives; t, (n,), s; `width`: values that it gives at each time.
-
-    Raises
-    ------
-    PropertyError
-        If the callable raises, or gives another number of values, or a value that is not finite.
+    PropertyError if the callable raises, or gives another number of values, or a value that is not finite; `name`
+    says what the history drives.
     """
     if not len(t):
         return np.empty((0, width))

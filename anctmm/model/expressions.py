@@ -5,9 +5,9 @@ of products x·C y, c·x and numbers. w is 1 or a `Signal`, a factor that depend
 follow its values, rates, Jacobian and curvature; see `anctmm.system.rows`.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,9 @@ QUARTER_TURN.setflags(write=False)
 
 @dataclass(frozen=True)
 class Signal:
-    """A factor that depends on time: a history's value, or the cosine or sine of it.
+    """A factor that depends on time: the value of a history, or the cosine or sine of it ("value", "cos", "sin").
 
-    Parameters
-    ----------
-    history : callable
-        t (s) → value, rate and acceleration.
-    shape : str
-        "value", "cos" or "sin".
-    name : str
-        What the history drives, for messages.
+    The history gives t (s) → value, rate and acceleration; `name` says what it drives, for messages.
     """
 
     history: Callable[[Any], tuple[Any, Any, Any]]
@@ -94,6 +87,23 @@ def _with_signal(key: Any, w: Signal) -> Any:
     return (*key[:-1], _both(key[-1], w)) if isinstance(key, tuple) else _both(key, w)
 
 
+def _initial(w: Signal | None) -> Array:
+    value = 1.0 if w is None else w.at(np.array(w.history(0.0), dtype=float)[:, None])[0, 0]
+    return np.full((1, 1), value)
+
+
+class Linearised(NamedTuple):
+    """An expression of m components for n values of its vectors.
+
+    Its value, (n, m), derivatives by vectors, by their numbers, (n, m, dim), and what each signal is multiplied by,
+    (n, m).
+    """
+
+    value: Array
+    slopes: dict[int, Array]
+    signals: dict[Signal, Array]
+
+
 class _Expression:
     """Sums and multiples of expressions of one kind: each is a few mappings of keys to coefficients."""
 
@@ -106,6 +116,22 @@ class _Expression:
     def _like(self, other: Any) -> Any:
         """Another expression, or a constant as one of this kind."""
         raise NotImplementedError
+
+    def _terms(self, x: Any) -> Iterator[tuple[Signal | None, Any, list[tuple[int, Array]]]]:
+        """Signal, rest of the value, (n, m), and its derivatives by vectors of each term, for vectors (n, dim)."""
+        raise NotImplementedError
+
+    def linearised(self, x: Any = None, factor: Callable[[Signal | None], Array] = _initial) -> Linearised:
+        """Value and derivatives for vectors x, each (n, dim), and factors of signals, (n, 1); default: at the start."""
+        components = self.at.shape[1] if isinstance(self, Vector) else 1
+        value, slopes, signals = factor(None) * np.zeros(components), dict[int, Any](), dict[Signal, Any]()
+        for w, part, derivatives in self._terms(self.at[:, None] if x is None else x):
+            value = value + factor(w) * part
+            if w is not None:
+                signals[w] = signals.get(w, 0.0) + part
+            for v, slope in derivatives:
+                slopes[v] = slopes.get(v, 0.0) + factor(w)[:, :, None] * slope
+        return Linearised(value, slopes, {w: np.atleast_2d(part) for w, part in signals.items()})
 
     def _made(self, parts: Iterable[Mapping[Any, Any]]) -> Any:
         return type(self)(self.at, *parts)  # type: ignore[call-arg]
@@ -141,16 +167,9 @@ class _Expression:
 
 @dataclass(frozen=True)
 class Vector(_Expression):
-    """Σ w A x + Σ w b.
+    """Σ w A x + Σ w b, over vectors x that are `at`, (vectors, dim), at the start.
 
-    Parameters
-    ----------
-    at : ndarray, shape (vectors, dim)
-        All coordinate vectors of the scene at the start.
-    terms : mapping of (vector, signal) to ndarray, shape (dim, dim)
-        A, by number of x and signal; None is the signal that is always 1.
-    constants : mapping of signal to ndarray, shape (dim,)
-        b.
+    `terms`: A, (dim, dim), by number of x and signal w; None is the signal that is always 1. `constants`: b, (dim,).
     """
 
     at: Array
@@ -160,22 +179,12 @@ class Vector(_Expression):
     @property
     def start(self) -> Array:
         """Value at the start, (dim,)."""
-        parts = (_initial(w) * b for w, b in self.by_signal().items())
-        return np.asarray(sum(parts, np.zeros(self.at.shape[1])))
+        return self.linearised().value[0]
 
     @property
     def initial(self) -> "Vector":
         """The value at the start, as a vector that does not change."""
         return Vector(self.at, {}, {None: self.start})
-
-    def by_signal(self) -> dict[Signal | None, Array]:
-        """What each signal is multiplied by, (dim,)."""
-        terms = ((w, A @ self.at[x]) for (x, w), A in self.terms.items())
-        return _summed([*self.constants.items(), *terms])
-
-    def by_vector(self) -> dict[int, Array]:
-        """Derivatives by vectors, (dim, dim)."""
-        return _summed((x, _initial(w) * A) for (x, w), A in self.terms.items())
 
     def mapped(self, matrix: Array) -> "Vector":
         """The vector multiplied by a constant matrix, (dim, dim)."""
@@ -213,6 +222,10 @@ class Vector(_Expression):
     def _parts(self) -> tuple[Mapping[Any, Any], ...]:
         return self.terms, self.constants
 
+    def _terms(self, x: Any) -> Iterator[tuple[Signal | None, Any, list[tuple[int, Array]]]]:
+        yield from ((w, x[v] @ A.T, [(v, A)]) for (v, w), A in self.terms.items())
+        yield from ((w, b, []) for w, b in self.constants.items())
+
     def _like(self, other: Any) -> "Vector":
         if isinstance(other, Vector):
             return other
@@ -223,16 +236,8 @@ class Vector(_Expression):
 class Scalar(_Expression):
     """Σ w x·C y + Σ w c·x + Σ w n: one equation of a joint says that it is zero.
 
-    Parameters
-    ----------
-    at : ndarray, shape (vectors, dim)
-        As of `Vector`.
-    pairs : mapping of (vector, vector, signal) to ndarray, shape (dim, dim)
-        C.
-    terms : mapping of (vector, signal) to ndarray, shape (dim,)
-        c.
-    constants : mapping of signal to float
-        n.
+    `pairs`: C, (dim, dim), by numbers of x and y and signal w; `terms`: c, (dim,), by number of x and w; `constants`:
+    n; `at` as of `Vector`.
     """
 
     at: Array
@@ -243,34 +248,24 @@ class Scalar(_Expression):
     @property
     def start(self) -> float:
         """Value at the start."""
-        return float(sum(_initial(w) * n for w, n in self.by_signal().items()))
-
-    def by_signal(self) -> dict[Signal | None, float]:
-        """What each signal is multiplied by."""
-        terms = ((w, float(c @ self.at[x])) for (x, w), c in self.terms.items())
-        pairs = ((w, float(self.at[x] @ C @ self.at[y])) for (x, y, w), C in self.pairs.items())
-        return _summed([*self.constants.items(), *terms, *pairs])
-
-    def by_vector(self) -> dict[int, Array]:
-        """Derivatives by vectors, (dim,)."""
-        found = [(x, _initial(w) * c) for (x, w), c in self.terms.items()]
-        for (x, y, w), C in self.pairs.items():
-            found += [(x, _initial(w) * (C @ self.at[y])), (y, _initial(w) * (self.at[x] @ C))]
-        return _summed(found)
+        return float(self.linearised().value[0, 0])
 
     @property
     def _parts(self) -> tuple[Mapping[Any, Any], ...]:
         return self.pairs, self.terms, self.constants
+
+    def _terms(self, x: Any) -> Iterator[tuple[Signal | None, Any, list[tuple[int, Array]]]]:
+        for (i, j, w), C in self.pairs.items():
+            left, right = x[j] @ C.T, x[i] @ C
+            yield w, (x[i] * left).sum(axis=1)[:, None], [(i, left[:, None]), (j, right[:, None])]
+        yield from ((w, (x[v] @ c)[:, None], [(v, c)]) for (v, w), c in self.terms.items())
+        yield from ((w, np.full(1, n), []) for w, n in self.constants.items())
 
     def _like(self, other: Any) -> "Scalar":
         if isinstance(other, Scalar):
             return other
         known = isinstance(other, Signal)
         return Scalar(self.at, {}, {}, {other if known else None: 1.0 if known else float(other)})
-
-
-def _initial(w: Signal | None) -> float:
-    return 1.0 if w is None else float(w.at(np.array(w.history(0.0), dtype=float)[:, None])[0, 0])
 
 
 def _constant(value: Any, dim: int) -> Array:

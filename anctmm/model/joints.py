@@ -241,7 +241,7 @@ class Clamp(Joint):
         the direction is prescribed, so that the beam can stretch at the clamp.
     """
 
-    holds_direction = True
+    holds_direction, grounded = True, True
     end: Written
     angle: Angle | None = None
     stretch: str = "held"
@@ -264,11 +264,6 @@ class Clamp(Joint):
         """The one place it holds."""
         return (self.end,)
 
-    @property
-    def grounded(self) -> bool:  # type: ignore[override]
-        """Always."""
-        return True
-
     def equations(self, place: Any) -> list[Equation]:  # type: ignore[override]
         """The position is fixed, and the direction, or its angle is driven."""
         start = place.position.start
@@ -283,7 +278,7 @@ class Clamp(Joint):
 class _LineGuide(Joint):
     """What both kinds of guide are: a place that moves on a straight line; parameters are those of `Slider`."""
 
-    in_space, on_line = False, True
+    in_space, on_line, grounded = False, True, False
     place: Written
     direction: Point = (1.0, 0.0)
     body: str | None = None
@@ -309,11 +304,6 @@ class _LineGuide(Joint):
     def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
         """The one place it guides."""
         return (self.place,)
-
-    @property
-    def grounded(self) -> bool:  # type: ignore[override]
-        """Never: the place moves."""
-        return False
 
     @property
     def attached(self) -> tuple[Any, ...]:

@@ -26,12 +26,8 @@ PLACE_NEEDED = (
 def written(place: object) -> Written:
     """A place as it is written, of plain values; whether it is there is seen by the scene.
 
-    Raises
-    ------
-    UnknownNameError
-        If it is neither a string nor a pair of a name and a fraction.
-    PropertyError
-        If the fraction lies outside [0, 1].
+    UnknownNameError if it is neither a string nor a pair of a name and a fraction, PropertyError if the fraction lies
+    outside [0, 1].
     """
     if isinstance(place, str):
         return str.__str__(place)
@@ -56,11 +52,7 @@ def place_text(place: Written | End) -> str:
 class Place:
     """A place of a body.
 
-    Parameters
-    ----------
-    body : Body
-    key : float or str
-        0 or 1 a beam's start or end, a number between them the fraction of its length; a point's name of another body.
+    `key`: 0 or 1 a beam's start or end, a number between them the fraction of its length; the name of another's point.
     """
 
     body: Body
@@ -142,10 +134,7 @@ class Graph(Protocol):
 def place_of(scene: Graph, place: object) -> Place:
     """What a place is: "name.start", ("name", fraction), "name.point".
 
-    Raises
-    ------
-    UnknownNameError, PropertyError
-        If it is no place, or not of the scene; if a fraction lies outside [0, 1].
+    UnknownNameError if it is no place, or not of the scene; PropertyError if a fraction lies outside [0, 1].
     """
     given: Any = written(place)
     name, dot, key = given.rpartition(".") if isinstance(given, str) else (given[0], ".", given[1])

@@ -208,11 +208,9 @@ def _points(what: str, points: Any, dim: int) -> FrozenMapping:
     found: dict[str, Point] = {}
     for name, place in points.items():
         key = text(f"{what} name of a point", name)
-        if "." in key:
-            raise PropertyError(f"{what} has a point {key!r}; a name without a dot is needed")
-        if key == CENTER:
+        if "." in key or key == CENTER:
             raise PropertyError(
-                f"{what} has a point {CENTER!r}; this name is that of the centre of mass: another is needed"
+                f"{what} has a point {key!r}; a name without a dot, and not that of the centre of mass, is needed"
             )
         found[key] = vector(f"{what} point {key!r} (m)", place, high=LONGEST, dims=(dim,))
     return FrozenMapping(found)

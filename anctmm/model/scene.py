@@ -37,7 +37,7 @@ Probe = Written
 class Scene:
     """A system of bodies in the plane or in space, validated on construction.
 
-    The plane has places of two components, space of three. What is offered in space says `anctmm.model.checks.space`.
+    The plane has places of two components, space of three. What is offered in space says `anctmm.model.checks.parts`.
 
     Parameters
     ----------

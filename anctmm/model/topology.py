@@ -2,7 +2,9 @@
 
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import TypeVar
+
+from scipy.cluster.hierarchy import DisjointSet
 
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.connectors import Connector, ends_of
@@ -35,25 +37,17 @@ class Junction:
         return tuple(end for group in self.groups for end in group)
 
 
-class Sets(Generic[T]):
+class Sets(DisjointSet):
     """Disjoint sets that grow together; a thing not met before is a set of its own."""
-
-    def __init__(self) -> None:
-        self._sets: dict[T, list[T]] = {}
-
-    def _with(self, thing: T) -> list[T]:
-        return self._sets.setdefault(thing, [thing])
 
     def of(self, thing: T) -> T:
         """The member that stands for the set of a thing."""
-        return self._with(thing)[0]
+        self.add(thing)
+        return self[thing]  # type: ignore[no-any-return]
 
     def unite(self, one: T, two: T) -> None:
         """Make one set of two."""
-        small, large = sorted((self._with(one), self._with(two)), key=len)
-        if small is not large:
-            large += small
-            self._sets.update(dict.fromkeys(small, large))
+        self.merge(self.of(one), self.of(two))
 
     def among(self, things: Iterable[T]) -> list[list[T]]:
         """Things by their sets, both in the order given."""
@@ -87,7 +81,7 @@ def junctions_of(scene: Scene) -> tuple[Junction, ...]:
 
     Every end of a beam is in one, also without a joint; other places are there if a joint names them.
     """
-    places, directions = Sets[End](), Sets[End]()
+    places, directions = Sets(), Sets()
     joined = [(joint, [scene.place(place).end for place in joint.ends]) for joint in built_in(scene.joints)]
     for joint, (first, *others) in joined:
         for other in others:

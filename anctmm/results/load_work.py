@@ -6,8 +6,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
-from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, tabulated, varies
+from anctmm.model.loads import Force, Load, Torque, tabulated, varies
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -32,17 +31,13 @@ def with_load_work(found: Solution) -> Solution:
 
 def _work(found: Any, load: Load, value: Array) -> Array:
     """Work of a load that varies, J, (outputs,)."""
-    match load:
-        case Torque():
-            return np.asarray(value[0] * found.angle(load.end))
-        case Force():
-            return np.asarray(found.displacement(load.end) @ value)
-        case LineLoad():
-            elements = found.run.of(found.scene)[load.body][0]
-            points, weights = np.polynomial.legendre.leggauss(4)  # exact for every kind of element
-            fractions = (np.arange(elements)[:, None] + 0.5 * (points + 1.0)) / elements
-            path = cast(Array, found.position(load.body, fractions.ravel()))
-            length = found.scene.beam(load.body).length / (2.0 * elements)
-            return np.asarray(length * np.tile(weights, elements) @ ((path - path[:1]) @ value).T)
-        case _:
-            raise unknown_kind("load", load, LOADS)
+    if isinstance(load, Torque):
+        return np.asarray(value[0] * found.angle(load.end))
+    if isinstance(load, Force):
+        return np.asarray(found.displacement(load.end) @ value)
+    elements = found.run.of(found.scene)[load.body][0]
+    points, weights = np.polynomial.legendre.leggauss(4)  # exact for every kind of element
+    fractions = (np.arange(elements)[:, None] + 0.5 * (points + 1.0)) / elements
+    path = cast(Array, found.position(load.body, fractions.ravel()))
+    length = found.scene.beam(load.body).length / (2.0 * elements)
+    return np.asarray(length * np.tile(weights, elements) @ ((path - path[:1]) @ value).T)

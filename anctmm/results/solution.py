@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import ResultError, UnknownNameError, listed, shown
 from anctmm.model.accepted import ConnectorKind, JointKind
-from anctmm.model.bodies import beam_of
-from anctmm.model.checks.space import check_plane
+from anctmm.model.checks.parts import check_plane
 from anctmm.model.connectors import Connector
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 from anctmm.model.scene import Beam, Probe, Scene
@@ -270,7 +269,7 @@ class Solution:
             If the body is no beam.
         """
         check_plane(self.scene, "section forces")
-        return self._read(place, fraction, self._section_force, 3)
+        return self._read(place, fraction, lambda name, at: section_force(self, name, at), 3)
 
     def reaction(self, joint: JointKind) -> Array:
         """Force, N, and moment, N m, of a joint on its first place, in fixed axes, (n, 3), or (n, 6) in space.
@@ -342,10 +341,6 @@ class Solution:
                 f"{what} {shown(thing)} is not in scene {self.scene.name!r}; one of `scene.{what}s` is needed, which "
                 f"has {len(things)}"
             )
-
-    def _section_force(self, name: str, at: Any) -> Array:
-        beam_of(self.scene.body(name))
-        return section_force(self, name, float(at))
 
     def _turning(self, place: Probe, fraction: Fractions | None) -> Probe:
         """A place that turns: a rigid body may be given by its name alone."""

@@ -54,11 +54,9 @@ class Status:
         return f"{self.code}: {self.message}" if self.message else self.code
 
     def __eq__(self, other: object) -> bool:
-        return (
-            self.code == other
-            if isinstance(other, str)
-            else self is other or (isinstance(other, Status) and vars(self) == vars(other))
-        )
+        if isinstance(other, str):
+            return self.code == other
+        return isinstance(other, Status) and vars(self) == vars(other)
 
     def __hash__(self) -> int:
         return hash(self.code)

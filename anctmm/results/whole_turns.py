@@ -35,7 +35,8 @@ class WholeTurns:
             known = float(field.turned[0, node] + np.angle(here[0] * np.conj(beside)))
         with np.errstate(all="ignore"):  # of a run that has diverged
             found = np.angle(here * np.conj(here[:1])) + known
-            return nearest(found, self.of_nodes(name)[:, field.node(place)])
+            about = self.of_nodes(name)[:, field.node(place)]
+            return np.asarray(found + 2.0 * np.pi * np.round((about - found) / (2.0 * np.pi)))
 
     def of_nodes(self, name: str) -> Array:
         """Angles of all nodes of a beam of ANCF elements, or of a rigid body, (n, nodes), rad.
@@ -60,8 +61,3 @@ def _first_angle(field: Any) -> Array:
         return np.asarray(before + field.start_angle - field.start_angle[:1])
     vectors = as_complex(field.node_directions[:, 0])
     return np.asarray(before + np.unwrap(np.angle(vectors * np.conj(vectors[:1]))))
-
-
-def nearest(angle: Array, about: Array) -> Array:
-    """The angles, rad, with those whole turns that bring them nearest to others."""
-    return np.asarray(angle + 2.0 * np.pi * np.round((about - angle) / (2.0 * np.pi)))

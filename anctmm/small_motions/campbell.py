@@ -117,19 +117,17 @@ def campbell(
     SolverError
         If at a speed no steady state is found.
     """
-    wanted, found = _speeds(speeds), []
-    for speed in wanted:
-        turning = checked_scene(scene(speed) if callable(scene) else scene)
-        found.append(modes(turning, run, count=count, spin=speed, **options))
+    needed = "a list of numbers (rad/s) is needed"
+    given = several("speeds is", speeds, needed, DiscretisationError)
+    wanted = sorted({number("a speed (rad/s)", speed, DiscretisationError) for speed in given})
+    if not wanted:
+        raise DiscretisationError(f"speeds are 0 numbers; {needed}")
+    scenes = [checked_scene(scene(speed) if callable(scene) else scene) for speed in wanted]
+    found = [
+        modes(turning, run, count=count, spin=speed, **options)
+        for turning, speed in zip(scenes, wanted, strict=True)
+    ]
     frequencies, damping, rates = (
         np.array([getattr(m, what) for m in found]) for what in ("frequencies", "damping", "growth_rates")
     )
-    return Campbell(turning.name, np.array(wanted), frequencies, damping, rates)
-
-
-def _speeds(given: object) -> list[float]:
-    needed = "a list of numbers (rad/s) is needed"
-    some = several("speeds is", given, needed, DiscretisationError)
-    if not some:
-        raise DiscretisationError(f"speeds are 0 numbers; {needed}")
-    return sorted({number("a speed (rad/s)", speed, DiscretisationError) for speed in some})
+    return Campbell(scenes[-1].name, np.array(wanted), frequencies, damping, rates)

@@ -38,14 +38,8 @@ SPARE = 8
 def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     """Rates λ of the lowest modes, with Im λ ≥ 0, in the order of `Modes`, and their displacements, (size, modes).
 
-    `count`: number of modes; None: ten, or all if there are fewer.
-
-    Raises
-    ------
-    DiscretisationError
-        If there are not so many.
-    SolverError
-        If they are not found.
+    `count`: number of modes; None: ten, or all if there are fewer. DiscretisationError if there are not so many,
+    SolverError if they are not found.
     """
     name, each = problem.system.scene.name, 2 if problem.damped else 1
     dense = each * problem.size <= DENSE

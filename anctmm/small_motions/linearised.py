@@ -40,19 +40,9 @@ SOLUTIONS = 3
 
 
 class SmallMotions:
-    """Matrices of small motions about coordinates q.
+    """Matrices of small motions about coordinates q, (rows, nodes), of a system, whose multipliers are set for them.
 
-    Parameters
-    ----------
-    system : System
-    q : ndarray, shape (rows, nodes)
-        The configuration; multipliers are set for it.
-    time : float
-        s, at which loads and drives act.
-    part : float
-        Part of loads, preloads and free lengths that acts.
-    frame : Frame
-        In which the scene is at rest.
+    Loads and drives act as at a time, s, and a part of loads, preloads and free lengths; the scene rests in a frame.
     """
 
     def __init__(self, system: System, q: Array, time: float, part: float, frame: Frame = GROUND) -> None:

@@ -74,9 +74,8 @@ def modes(
 
     Notes
     -----
-    About a motion, drives that stand still are held. Modes are those of a steady rotation if a clamp with a constant
-    rate alone holds the scene, of a steady translation if guides in the ground move at one constant velocity, relative
-    to that frame. About motions with other moving drives there are no modes.
+    About a motion, drives that stand still are held. Modes are those of a steady rotation, in its frame, if a clamp
+    with a constant rate alone holds the scene. About motions with other moving drives there are none.
     """
     run = discretise(run, options)
     system = System(checked_scene(scene), run)
@@ -115,8 +114,8 @@ def _problem(system: System, about: Any, spin: float) -> SmallMotions:
 def _of_bodies(mesh: Mesh, flat: Any) -> dict[str, Any]:
     """Coordinates (n, rows, nodes), real or complex, as `Modes` has them of every body, (n, nodes, vectors, dim)."""
     if np.iscomplexobj(flat):
-        real, imaginary = _of_bodies(mesh, flat.real), _of_bodies(mesh, flat.imag)
-        return {name: real[name] + 1j * imaginary[name] for name in real}
+        both = _of_bodies(mesh, np.concatenate([flat.real, flat.imag]))
+        return {name: q[: len(flat)] + 1j * q[len(flat) :] for name, q in both.items()}
     found = {}
     for name, q in mesh.by_body(flat).items():
         body = mesh.bodies[name]

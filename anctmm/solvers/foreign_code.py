@@ -1,9 +1,7 @@
 """Foreign code: a plug-in, a file of scenes, a law of a connector. Whatever it raises becomes an error with a name."""
 
-import os
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 
 class ProcessExit(Exception):
@@ -12,16 +10,11 @@ class ProcessExit(Exception):
 
 @contextmanager
 def contained() -> Iterator[None]:
-    """Run code of others: an attempt to end the program is an exception like others; directory and output stay.
+    """Run code of others: an attempt to end the program is an exception like others.
 
-    Raises
-    ------
-    ProcessExit
-        In the place of SystemExit, which would pass for a run that went well, and of whatever else is no Exception.
-    KeyboardInterrupt
-        The user's, which passes; in the place of an error that compiled code made of it, too.
+    SystemExit, which would pass for a run that went well, and whatever else is no Exception, become ProcessExit; a
+    KeyboardInterrupt of the user passes, also in the place of an error that compiled code made of it.
     """
-    place, streams = _directory(), (sys.stdout, sys.stderr)
     try:
         yield
     except SystemExit as error:
@@ -33,10 +26,6 @@ def contained() -> Iterator[None]:
         raise
     except BaseException as error:
         raise ProcessExit(f"it raises {type(error).__name__}: {error}") from error
-    finally:
-        sys.stdout, sys.stderr = streams
-        if place is not None and _directory() != place:
-            os.chdir(place)
 
 
 def raise_interruption(error: BaseException) -> None:
@@ -50,10 +39,3 @@ def raise_interruption(error: BaseException) -> None:
         found = found.__cause__ or (found.__context__ if isinstance(found, SystemError) else None)
     if isinstance(found, KeyboardInterrupt):
         raise KeyboardInterrupt from error
-
-
-def _directory() -> str | None:
-    """The working directory; None if it was removed."""
-    with suppress(FileNotFoundError):
-        return os.getcwd()
-    return None

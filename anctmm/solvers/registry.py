@@ -3,9 +3,8 @@
 A package that cannot be loaded, or returns an invalid solution, causes an error that names it; the others continue.
 """
 
-import sys
 from collections.abc import Callable
-from functools import lru_cache, wraps
+from functools import wraps
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -28,42 +27,28 @@ OWN = "anctmm"
 Solver = Callable[..., Solution]
 
 
-@lru_cache(maxsize=1)
-def _read(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Entry points of all solvers on a path, stored: reading them takes about 10 ms, and a study asks at each run."""
-    return tuple(entry_points(group=GROUP))
-
-
-def _registered() -> tuple[EntryPoint, ...]:
-    return _read(tuple(sys.path))
-
-
 def names() -> list[str]:
     """Names of all registered solvers, sorted."""
-    return sorted({e.name for e in _registered()})
+    return sorted({e.name for e in entry_points(group=GROUP)})
 
 
 def origins() -> list[tuple[str, str]]:
     """Names of the registered solvers with the package and function each comes from; both, if two have one name."""
-    return sorted((e.name, f"{_package(e)}: {e.value}") for e in _registered())
+    return sorted((e.name, f"{_package(e)}: {e.value}") for e in entry_points(group=GROUP))
 
 
 def solver(name: str) -> Solver:
     """The solver of a name: (scene, discretisation) → Solution. Its answers are checked to be solutions.
 
-    Raises
-    ------
-    UnknownSolverError
-        If no package registers that name.
-    PluginError
-        If it cannot be loaded, or two packages register that name; when called, if it returns an invalid solution.
+    UnknownSolverError if no package registers that name. PluginError if it cannot be loaded, or two packages register
+    that name; when called, if it returns an invalid solution.
     """
     return checked(name, load(name))
 
 
 def load(name: str) -> Solver:
     """The solver of a name as registered, with unchecked answers; errors as for `solver`."""
-    found = [e for e in _registered() if e.name == name]
+    found = [e for e in entry_points(group=GROUP) if e.name == name]
     if not found:
         raise UnknownSolverError(f"solver {name!r} is not registered; known are {', '.join(names())}")
     entry = next((e for e in found if _package(e) == OWN), found[0])

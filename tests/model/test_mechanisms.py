@@ -66,21 +66,6 @@ def test_points_of_a_rigid_body_move_with_it():
     assert body.extent == pytest.approx(np.hypot(0.5, 0.5))
 
 
-def test_velocities_that_fit_are_found():
-    s = scene(
-        at.Clamp("a.start", angle=lambda t: (2.0 * t, 2.0, 0.0)),
-        at.Pin("a.end", "p.a"),
-        at.Slider("p.b"),
-        bodies=[beam(), plate()],
-        connectors=(at.RotationalSpring("a.end", stiffness=1.0),),
-    )
-    fitted = at.consistent_velocities(s)
-    moved = fitted.body("p")
-    assert moved.velocity_at("a") == pytest.approx((0.0, 2.0))
-    assert moved.velocity_at("b")[1] == pytest.approx(0.0)
-    assert fitted.connectors == s.connectors
-
-
 def steady(t):
     return 10.0 * t, 10.0, 0.0
 

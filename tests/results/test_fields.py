@@ -7,7 +7,7 @@ import pytest
 
 import anctmm as at
 from anctmm.errors import ResultError, UnknownNameError
-from anctmm.results.fields import LagrangeField, RigidField
+from anctmm.results.fields import LagrangeField
 from reference import exudyn_cable, exudyn_reissner, global_dae
 
 ROD, RUBBER = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
@@ -64,22 +64,6 @@ def test_a_spinning_bar_moves_as_a_rigid_one(solve):
     turned = np.exp(1j * angle) * (0.25 + 0.1j)
     wanted = [1.0, 0.0] + SPIN * np.stack([-turned.imag, turned.real], axis=1)
     np.testing.assert_allclose(found.velocity("bar.end"), wanted, atol=2e-2)
-
-
-def test_points_of_a_rigid_body():
-    angle, rate = np.array([0.0, 2.0, 4.5]), 2.0
-    turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    across = np.stack([-turn[:, 1], turn[:, 0]], axis=1)
-    center = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 3.0]])
-    field = RigidField(
-        np.stack([center, turn], axis=1),
-        {"a": (0.5, -0.25)},
-        np.stack([np.ones((3, 2)), rate * across], axis=1),
-    )
-    np.testing.assert_allclose(field.position("a"), center + 0.5 * turn - 0.25 * across)
-    np.testing.assert_allclose(field.velocity("a"), 1.0 + rate * (0.5 * across + 0.25 * turn))
-    np.testing.assert_allclose(field.spin("a"), rate)
-    assert field.until(2).velocity("center").shape == (2, 2)
 
 
 def test_what_a_solution_has_not_is_said():

@@ -73,26 +73,49 @@ class VectorPlace:
         return found
 
 
-def axes_of(place: Place) -> Array:
-    """Axes of a place in the reference, (axes, dim)."""
+def axes_of(place: Any) -> Array:
+    """Axes of a place, or of a point of the ground, in the reference, (axes, dim)."""
+    if not isinstance(place, Place):
+        return np.eye(len(place))[: 1 if len(place) == 2 else 3]
     if isinstance(place.body, Beam):
         return np.subtract(place.body.end, place.body.start)[None] / place.body.length
-    dim = len(place.position)
-    return np.eye(dim)[: 0 if not place.turns else 1 if dim == 2 else 3]
+    return axes_of(place.position)[: None if place.turns else 0]
+
+
+def ends_of(scene: Graph, joint: Joint) -> list[Any]:
+    """What a joint is attached to: places, and points of the ground."""
+    return [end if is_point(end) else scene.place(end) for end in joint.attached]
+
+
+def as_vectors(
+    ends: Sequence[Any], axes: Sequence[Array], rigid: Sequence[bool]
+) -> tuple[list[VectorPlace], list[tuple[int, int]]]:
+    """Places with axes in the reference, and points of the ground, by vectors that are numbered one after another.
+
+    Beside them: of each vector the number of its place, and which one of it it is, 0 the position, k the axis k.
+    """
+    known = [np.vstack([getattr(end, "position", end), *x]) for end, x in zip(ends, axes, strict=True)]
+    owners = [(n, k) for n, x in enumerate(known) if isinstance(ends[n], Place) for k in range(len(x))]
+    at = np.array([known[n][k] for n, k in owners]).reshape(-1, known[0].shape[1])
+    number, eye = {owner: v for v, owner in enumerate(owners)}, np.eye(at.shape[1])
+    found = []
+    for n, x in enumerate(known):
+        vectors = [
+            Vector(at, {(number[n, k], None): eye}) if (n, k) in number else Vector(at, {}, {None: of})
+            for k, of in enumerate(x)
+        ]
+        found.append(VectorPlace(vectors[0], vectors[1:], rigid[n]))
+    return found, owners
 
 
 def conditions_of(scene: Graph, joint: Joint) -> list[Condition]:
     """Equations of a joint at the start; PropertyError if those of a user's own kind raise, or are none."""
-    ends = [end if is_point(end) else scene.place(end) for end in joint.attached]
-    vectors = [
-        (end, k, x)
-        for end in ends
-        if isinstance(end, Place)
-        for k, x in enumerate([np.array(end.position), *axes_of(end)])
-    ]
-    at = np.array([x for _, _, x in vectors])
+    ends = ends_of(scene, joint)
+    rigid = [not (isinstance(end, Place) and isinstance(end.body, Beam)) for end in ends]
+    seen, owners = as_vectors(ends, list(map(axes_of, ends)), rigid)
+    vectors = [(ends[n], k) for n, k in owners]
     try:
-        return [_condition(joint, equation, vectors) for equation in flat(joint.equations(*_seen(ends, at)))]
+        return [_condition(joint, equation, vectors) for equation in flat(joint.equations(*seen))]
     except AnctmmError:
         raise
     except Exception as error:  # of a user's own kind
@@ -107,29 +130,10 @@ def flat(equations: Sequence[Any]) -> Iterator[Vector | Scalar]:
         yield from [equation] if isinstance(equation, Vector | Scalar) else flat(equation)
 
 
-def _seen(ends: Sequence[Any], at: Array) -> list[VectorPlace]:
-    """Places of bodies, whose vectors have numbers one after another, and of the ground."""
-    found, first, (_, dim) = list[VectorPlace](), 0, at.shape
-    for end in ends:
-        if not isinstance(end, Place):
-            position, *axes = (Vector(at, {}, {None: x}) for x in (np.array(end), *np.eye(dim)))
-            found.append(VectorPlace(position, axes[: 1 if dim == 2 else 3], True))
-            continue
-        count = 1 + len(axes_of(end))
-        position, *axes = (Vector(at, {(k, None): np.eye(dim)}) for k in range(first, first + count))
-        found.append(VectorPlace(position, axes, not isinstance(end.body, Beam)))
-        first += count
-    return found
-
-
-def _condition(
-    joint: Joint, equation: Vector | Scalar, vectors: Sequence[tuple[Place, int, Any]]
-) -> Condition:
-    factors = [
-        (*vectors[x][:2], np.atleast_2d(J)) for x, J in equation.by_vector().items() if np.asarray(J).any()
-    ]
-    drives = {w: np.atleast_1d(b) for w, b in equation.by_signal().items() if w is not None}
-    return Condition(joint, np.atleast_1d(equation.start), factors, drives)
+def _condition(joint: Joint, equation: Vector | Scalar, vectors: Sequence[tuple[Place, int]]) -> Condition:
+    value, slopes, signals = equation.linearised()
+    factors = [(*vectors[v], J[0]) for v, J in slopes.items() if J.any()]
+    return Condition(joint, value[0], factors, {w: b[0] for w, b in signals.items()})
 
 
 def rate_of(w: Signal) -> float:

@@ -29,12 +29,8 @@ Row = dict[Hashable, float]
 def check_joints(scene: Graph) -> None:
     """Refuse joints that do not fit the bodies, or each other.
 
-    Raises
-    ------
-    RepeatedJointError, ContradictingJointsError
-        If joints hold the same, and, if they contradict each other, drives move it differently.
-    SceneError
-        Or another of its kinds, naming the joint.
+    RepeatedJointError or ContradictingJointsError if joints hold the same, and, if they contradict each other, drives
+    move it differently; or another SceneError that names the joint.
     """
     for joint in scene.joints:
         check_drive(joint)

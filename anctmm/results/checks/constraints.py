@@ -8,10 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from anctmm.errors import shown
+from anctmm.model.expressions import Linearised
 from anctmm.results.checks.finding import Finding
 from anctmm.results.checks.scales import EPS, reach_of
 from anctmm.results.fields import HermiteField
-from anctmm.results.joint_rows import SLOTS, JointAtOutputs, Row, rigid_bodies
+from anctmm.results.joint_rows import JointAtOutputs, rigid_bodies
 from anctmm.results.solution import Solution
 
 #: Distance of joined places, of the length of all bodies, above which a joint is not kept; of angles, rad; a hundredth
@@ -29,7 +30,7 @@ def constraint_findings(solution: Solution) -> Iterator[Finding]:
     for joint in scene.joints:
         at_outputs = JointAtOutputs(solution, joint, rigid, unit=True)
         for row in at_outputs.rows():
-            size, unit = _size(row)
+            size, unit = _size(row, at_outputs.owners)
             allowed = PARTED * scene.length + rounding if unit == "m" else PARTED + rounding / scene.length
             if (size > allowed).any():
                 k = int((size > allowed).argmax())
@@ -40,11 +41,11 @@ def constraint_findings(solution: Solution) -> Iterator[Finding]:
     yield from _strained(solution, rigid, rounding)
 
 
-def _size(row: Row) -> tuple[np.ndarray, str]:
+def _size(row: Linearised, owners: list[tuple[int, int]]) -> tuple[np.ndarray, str]:
     """By how much an equation of a joint is not kept, (n,), and the unit: its value over its steepest slope."""
     steep = np.max([np.linalg.norm(slope, axis=(1, 2)) for slope in row.slopes.values()], axis=0)
     value = np.linalg.norm(row.value, axis=1)
-    unit = "m" if any(vector % SLOTS == 0 for vector in row.slopes) else "rad"
+    unit = "m" if any(owners[vector][1] == 0 for vector in row.slopes) else "rad"
     return value * np.sqrt(row.value.shape[1]) / np.maximum(steep, 1e-300), unit
 
 

@@ -54,7 +54,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
                 error = float(energy.balance[k])
                 verb = "was created by numerical error" if error > 0.0 else "vanished"
                 sizes = f"{abs(error):.3g} J of {present[: k + 1].max():.3g} J {verb} until {{when}}"
-                message = f"{sizes}: {_advice(run, error > 0.0)}"
+                message = f"{sizes}: {_advice(run)}"
                 yield Finding(k, code, message, *most_stretched(solution, k))
 
 
@@ -140,15 +140,8 @@ def _keeps_energy(run: Discretisation) -> bool:
     return isinstance(run.method, GeneralizedAlpha) and run.spectral_radius == 1.0
 
 
-def _advice(run: Discretisation, created: bool) -> str:
+def _advice(run: Discretisation) -> str:
     """Why energy may come from nowhere, or vanish, and what to try."""
-    smaller = (
-        f"smaller dt than {run.dt:g} s" if run.tolerance is None else f"tolerance below {run.tolerance:g}"
-    )
-    if run.explicit:
-        why = "an explicit step is above the stability limit, or the steps are too long for the motion"
-    elif created or _keeps_energy(run):
-        why = "the steps are too long for the motion"
-    else:
-        why = "numerical dissipation removes what the steps do not resolve"
-    return f"{why}; a {smaller} or integrator='esdirk' may help"
+    why = "above the stability limit, or too long" if run.explicit else "too long"
+    smaller = f"dt than {run.dt:g} s" if run.tolerance is None else f"tolerance than {run.tolerance:g}"
+    return f"steps are {why} for the motion; a smaller {smaller} or integrator='esdirk' may help"

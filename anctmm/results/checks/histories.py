@@ -8,22 +8,18 @@ then the integral over a step with breaks inside, from break to break, is compar
 values. Histories without stated breaks are not examined, because that would take thousands of calls.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import PropertyError
-from anctmm.model.connectors import Spring, free_name, name_of
-from anctmm.model.drives import Quintic, breaks_of, tabulate
-from anctmm.model.joints import drive_of
-from anctmm.model.loads import load_text, width_of
-from anctmm.model.scene import Scene
+from anctmm.model.drives import Quintic, breaks_of
 from anctmm.results.checks.finding import Finding
-from anctmm.results.checks.scales import EPS
+from anctmm.results.checks.scales import EPS, History, drives_of, histories_of_loads
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -33,43 +29,12 @@ Array = NDArray[np.float64]
 WRONG = 0.1
 
 
-class _History(NamedTuple):
-    """A load, or with a unit a drive of a joint or a connector's free length or angle; it gives `width` numbers."""
-
-    name: str
-    history: Callable[[Any], Any]
-    width: int
-    unit: str = ""
-
-    def at(self, times: Array) -> Array:
-        """Values and derivatives, (times, width)."""
-        return tabulate(self.name, self.history, times, self.width)
-
-    def moved(self, times: Array) -> Array:
-        """Loads, or what a drive adds to its start, (times, numbers)."""
-        return self.at(times)[:, :1] - self.at(np.zeros(1))[0, 0] if self.unit else self.at(times)
-
-
-def _drives_of(scene: Scene) -> Iterator[_History]:
-    """Drives of joints and of connectors."""
-    for joint in scene.joints:
-        if (drive := drive_of(joint)) is not None:
-            yield _History(drive[0], drive[1], 3, drive[2])
-    for connector in scene.connectors:
-        free, unit = (connector.length, "m") if isinstance(connector, Spring) else (connector.angle, "rad")
-        if callable(free):
-            yield _History(f"{name_of(connector)} {free_name(connector)}", free, 2, unit)
-
-
 def break_findings(solution: Solution) -> Iterator[Finding]:
     """Loads and drives of which a step of fixed length misses a large part."""
     run, scene = solution.run, solution.scene
     if run is None or run.tolerance is not None:
         return
-    loads = (
-        _History(load_text(x), x.value, width_of(x, scene.dim)) for x in scene.loads if callable(x.value)
-    )
-    for history in [*loads, *_drives_of(scene)]:
+    for history in [*histories_of_loads(scene), *drives_of(scene)]:
         breaks = breaks_of(history.name, history.history) or ()
         whole = [0.0, *(t for t in breaks if 0.0 < t < run.t_end), run.t_end]
         for times in _broken_steps(breaks, run):
@@ -111,7 +76,7 @@ def drive_findings(solution: Solution) -> Iterator[Finding]:
     """Drives whose rate or acceleration is another one, at most of the times at which they move, or which jump."""
     if solution.run is None:
         return
-    for drive in _drives_of(solution.scene):
+    for drive in drives_of(solution.scene):
         if type(drive.history) is Quintic:
             continue
         with suppress(PropertyError):  # of a history that knows the times of steps alone
@@ -121,15 +86,11 @@ def drive_findings(solution: Solution) -> Iterator[Finding]:
                 yield Finding(output, "inaccurate", found[1])
 
 
-def _wrong(drive: _History, end: float) -> tuple[float, str] | None:
+def _wrong(drive: History, end: float) -> tuple[float, str] | None:
     """A time at which a drive's rate or acceleration is no derivative, and the message."""
     times: Any = end * (np.arange(8) + 0.618) / 8.236
     steps: Any = end * np.array([[1e-3], [1e-5], [1e-7]])
-    here, before, after = (
-        drive.at(times),
-        drive.at((times - steps).ravel()),
-        drive.at((times + steps).ravel()),
-    )
+    here, before, after = (drive.at((times + step).ravel()) for step in (0.0, -steps, steps))
     for order in range(drive.width - 1):
         ahead, back = (x[:, order].reshape(len(steps), -1) for x in (after, before))
         rate, slopes = here[:, order + 1], (ahead - back) / (2.0 * steps)
@@ -149,7 +110,7 @@ def _wrong(drive: _History, end: float) -> tuple[float, str] | None:
     return None
 
 
-def _jump(drive: _History, end: float) -> tuple[float, str] | None:
+def _jump(drive: History, end: float) -> tuple[float, str] | None:
     """A time at which a drive of a joint jumps, and the message; a free length may jump, as it only changes a force.
 
     In the interval in which the value changes most beside its rate, halved again and again, a jump stays what it is.

@@ -1,20 +1,57 @@
 """Sizes of a scene and of what acts on it over a run, with which errors are compared."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.model.connectors import Spring
+from anctmm.model.connectors import Spring, name_of
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import drive_of
 from anctmm.model.loads import LineLoad, Torque, load_text, width_of
 from anctmm.model.scene import Beam, Load, Scene
 
+Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 #: Times at which drives and loads are looked at, at most: steps of the run, so that none is called at other times.
 SEEN = 65
+
+
+class History(NamedTuple):
+    """A load, or with a unit a drive of a joint or a connector's free length or angle; it gives `width` numbers."""
+
+    name: str
+    history: Callable[[Any], Any]
+    width: int
+    unit: str = ""
+
+    def at(self, times: Array) -> Array:
+        """Values and derivatives, (times, width)."""
+        return tabulate(self.name, self.history, times, self.width)
+
+    def moved(self, times: Array) -> Array:
+        """Loads, or what a drive adds to its start, (times, numbers)."""
+        return self.at(times)[:, :1] - self.at(np.zeros(1))[0, 0] if self.unit else self.at(times)
+
+
+def histories_of_loads(scene: Scene) -> Iterator[History]:
+    """Loads that depend on time."""
+    for load in scene.loads:
+        if callable(load.value):
+            yield History(load_text(load), load.value, width_of(load, scene.dim))
+
+
+def drives_of(scene: Scene) -> Iterator[History]:
+    """Drives of joints, which have three values, and of connectors, which have two."""
+    for joint in scene.joints:
+        if (drive := drive_of(joint)) is not None:
+            yield History(drive[0], drive[1], 3, drive[2])
+    for connector in scene.connectors:
+        if callable(connector.free):
+            unit = "m" if isinstance(connector, Spring) else "rad"
+            yield History(f"{name_of(connector)} {connector.free_name}", connector.free, 2, unit)
 
 
 def mass_of(scene: Scene) -> float:
@@ -37,8 +74,8 @@ def load_sizes(scene: Scene, run: Discretisation) -> Iterator[tuple[Load, float]
     """Each load and its largest component over a run, N or N m; of a line load on its whole beam."""
     for load in scene.loads:
         values: Any = load.value
-        if callable(load.value):
-            values = tabulate(load_text(load), load.value, _times(run), width_of(load, scene.dim))
+        if callable(values):
+            values = tabulate(load_text(load), values, _times(run), width_of(load, scene.dim))
         length = scene.beam(load.body).length if isinstance(load, LineLoad) else 1.0
         yield load, length * float(np.abs(values).max())
 
@@ -52,18 +89,16 @@ def work_of_loads(scene: Scene, run: Discretisation) -> float:
 
 def drive_rates(scene: Scene, run: Discretisation) -> Iterator[float]:
     """The largest rate of each driven joint, rad/s; of a guide that of its place, m/s, by the scene's length."""
-    for joint in scene.joints:
-        if (drive := drive_of(joint)) is not None:
-            name, history, unit = drive
-            size = 1.0 if unit == "rad" else scene.length
-            yield float(np.abs(tabulate(name, history, _times(run), 3)[:, 1]).max()) / size
+    for drive in drives_of(scene):
+        if drive.width == 3:
+            size = 1.0 if drive.unit == "rad" else scene.length
+            yield float(np.abs(drive.at(_times(run))[:, 1]).max()) / size
 
 
 def is_driven(scene: Scene) -> bool:
     """Whether a joint or a connector is driven."""
-    free = (c.length if isinstance(c, Spring) else c.angle for c in scene.connectors)
-    return any(drive_of(joint) is not None for joint in scene.joints) or any(map(callable, free))
+    return next(drives_of(scene), None) is not None
 
 
-def _times(run: Discretisation) -> np.ndarray:
+def _times(run: Discretisation) -> Array:
     return run.times(np.unique(np.linspace(0, run.steps, SEEN).astype(np.int64)))

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 def never_balanced(scene: Scene) -> Status | None:
     """Status of a search for an equilibrium that cannot be, as the loads do work in a motion without end; or None."""
     acting = [c for c in scene.connectors if c.law is not None or c.stiffness != 0.0 or c.preload != 0.0]
-    sets = Sets[str]()
+    sets = Sets()
     for one, two in joined_bodies(scene, acting):
         if two is not GROUND:
             sets.unite(one, two)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason, shown
-from anctmm.model.checks.space import check_plane
+from anctmm.model.checks.parts import check_plane
 from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.export.tables import needed
 from anctmm.validation import reals
@@ -164,12 +164,11 @@ def _alone(player: str, title: str) -> str:
 def _drawing(axes: "Axes", solution: Any) -> Callable[[int], Any]:
     """Lines of all that moves, in axes that hold the whole motion; returned is what shows an output."""
     shapes = shapes_of(solution)
-    frame(axes, solution, shapes)
+    _frame(axes, solution, shapes)
     lines = []
     for number, shape in enumerate(shapes):
-        label = literal(shape.name) if shape.name else None
-        look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
-        lines += axes.plot([], [], label=label, **look)
+        color = f"C{number % 10}" if shape.name else "0.45"
+        lines += _draw(axes, [shape], 0, color=color, label=literal(shape.name) or None)
     if len(shapes) > 1:
         axes.legend(**BESIDE)
 
@@ -183,24 +182,26 @@ def _drawing(axes: "Axes", solution: Any) -> Callable[[int], Any]:
     return move
 
 
+def _draw(axes: "Axes", shapes: Sequence[Shape], k: int, **look: Any) -> list[Any]:
+    """Shapes at an output, as lines; a label is that of the first."""
+    lines = []
+    for shape in shapes:
+        lines += axes.plot(*shape.points[k].T, **look | LOOKS[shape.kind])
+        look.pop("label", None)
+    return lines
+
+
 def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
     """Bodies at some outputs, later ones darker; springs and names at the last."""
     shapes, last = shapes_of(solution), chosen[-1]
-    unit = "" if solution.static else " s"
+    named, unit = [shape for shape in shapes if shape.name], "" if solution.static else " s"
     for k, shade in zip(chosen, np.linspace(0.25, 1.0, len(chosen)), strict=True):
-        label: str | None = f"{solution.t[k]:.3g}{unit}"
-        for shape in shapes:
-            if shape.name or k == last:
-                axes.plot(
-                    *shape.points[k].T, label=label, **{"color": (0.1, 0.25, 0.6, shade), **LOOKS[shape.kind]}
-                )
-                label = None
-    for shape in shapes:
-        if shape.name and len(shapes) > 1:
-            axes.annotate(
-                literal(shape.name), shape.points[last, shape.points.shape[1] // 2], fontsize="small"
-            )
-    frame(axes, solution, shapes, list(chosen))
+        label = f"{solution.t[k]:.3g}{unit}"
+        _draw(axes, shapes if k == last else named, k, color=(0.1, 0.25, 0.6, shade), label=label)
+    for shape in named if len(shapes) > 1 else []:
+        middle = shape.points[last, shape.points.shape[1] // 2]
+        axes.annotate(literal(shape.name), middle, fontsize="small")
+    _frame(axes, solution, shapes, list(chosen))
     axes.legend(title="load factor" if solution.static else "t", **BESIDE)
 
 
@@ -220,12 +221,12 @@ def _energies(axes: "Axes", solution: Any) -> None:
         axes.legend(fontsize="small")
 
 
-def frame(axes: "Axes", solution: Any, shapes: Sequence[Shape], outputs: Any = slice(None)) -> None:
+def _frame(axes: "Axes", solution: Any, shapes: Sequence[Shape], outputs: Any = slice(None)) -> None:
     """Equal scales, with room for shapes at some outputs or all; and what the ground holds."""
     low, high = box(np.concatenate([shape.points[outputs].reshape(-1, 2) for shape in shapes]))
     middle, half = 0.5 * (low + high), 0.55 * max(float((high - low).max()), 1e-12)
-    for support in supports_of(solution.scene):
-        axes.plot(*support.position, MARKS[support.kind], ms=9, color="0.35", zorder=1)
+    for kind, position in supports_of(solution.scene):
+        axes.plot(*position, MARKS[kind], ms=9, color="0.35", zorder=1)
     axes.set(xlim=middle[0] + half * np.array([-1.0, 1.0]), ylim=middle[1] + half * np.array([-1.0, 1.0]))
     axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
     _grid(axes)
@@ -248,13 +249,12 @@ def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Fi
     for axes in panels[len(motions) :]:
         axes.set_axis_off()
     for axes, motion, title in zip(panels, motions, titles, strict=False):
-        shapes = shapes_of(motion)
-        n = len(motion.t) - 1
-        for k, style in ((n // 4, {"color": "0.6"}), (n // 2, {"color": "C1"}), (0, {"color": "C0"})):
-            for shape in shapes:
-                if shape.name or k == 0:
-                    axes.plot(*shape.points[k].T, **LOOKS[shape.kind] | style)
-        frame(axes, motion, shapes)
+        shapes, period = shapes_of(motion), len(motion.t) - 1
+        named = [shape for shape in shapes if shape.name]
+        for k, color in ((period // 4, "0.6"), (period // 2, "C1")):
+            _draw(axes, named, k, color=color)
+        _draw(axes, shapes, 0, color="C0")
+        _frame(axes, motion, shapes)
         axes.set_title(title, fontsize="medium")
         axes.set(xlabel="", ylabel="")
         axes.tick_params(labelsize="small")
@@ -267,27 +267,18 @@ def plot_campbell(
     """Frequencies, (n, count), Hz, over the speed, (n,), rad/s, with rays of its multiples; crosses where unstable."""
     figure = needed("matplotlib.figure", "plot").Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
-    for k, line in enumerate(frequencies.T):
-        axes.plot(speeds, line, "o-", ms=3.5, lw=1.6, color=f"C{k % 10}", label=f"mode {k + 1}")
+    names = [f"mode {k + 1}" for k in range(frequencies.shape[1])]
+    axes.plot(speeds, frequencies, "o-", ms=3.5, lw=1.6, label=names)
     if unstable.any():
-        over = np.broadcast_to(speeds[:, None], frequencies.shape)
-        axes.plot(
-            over[unstable], frequencies[unstable], "x", color="0.1", ms=8, label="unstable", clip_on=False
-        )
+        over = np.broadcast_to(speeds[:, None], frequencies.shape)[unstable]
+        axes.plot(over, frequencies[unstable], "x", color="0.1", ms=8, label="unstable", clip_on=False)
     top = 1.08 * float(np.nanmax(frequencies))
-    for order in orders:
-        ray = order * speeds / (2.0 * np.pi)
-        inside = ray <= top
-        axes.plot(speeds[inside], ray[inside], ":", color="0.5", lw=1.0)
-        if inside.sum() > 1:
-            axes.annotate(
-                f"{order}×", (speeds[inside][-1], ray[inside][-1]), xytext=(3, 1), textcoords="offset points",
-                fontsize="small", color="0.4",
-            )  # fmt: skip
-    axes.set(
-        xlabel="speed (rad/s)", ylabel="frequency (Hz)", title=literal(f"{name}: frequencies over the speed")
-    )
-    axes.set_ylim(0.0, top)
+    for slope in np.array(orders) / (2.0 * np.pi):
+        axes.axline((0.0, 0.0), slope=slope, ls=":", color="0.5", lw=1.0)
+        end = min(float(speeds.max()), top / slope)
+        axes.annotate(f"{2.0 * np.pi * slope:.0f}×", (end, slope * end), fontsize="small", color="0.4")
+    axes.set(xlabel="speed (rad/s)", ylabel="frequency (Hz)", ylim=(0.0, top))
+    axes.set_title(literal(f"{name}: frequencies over the speed"))
     axes.grid(alpha=0.3)
-    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    axes.legend(**BESIDE)
     return figure  # type: ignore[no-any-return]

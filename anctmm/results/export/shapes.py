@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
 from anctmm.model.accepted import Point
 from anctmm.model.bodies import Beam
-from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
+from anctmm.model.connectors import Connector, RotationalSpring
 from anctmm.model.joints import Clamp, Guide, Pin, Weld
-from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.rigid_bodies import WithPoints
 
 Array = NDArray[np.float64]
 
@@ -29,22 +28,8 @@ class Shape:
     points: Array
 
 
-@dataclass(frozen=True)
-class Support:
-    """Where the ground holds a scene: "clamp" or "pin", and where, m."""
-
-    kind: str
-    position: Point
-
-
 def shapes_of(solution: Any) -> list[Shape]:
-    """Everything that moves: bodies in the scene's order, then springs, then guides.
-
-    Parameters
-    ----------
-    solution : Solution
-        With at least one output.
-    """
+    """Everything that moves, of a solution with an output: bodies in the scene's order, springs, guides."""
     scene = solution.scene
     bodies = [_body(solution, body) for body in scene.bodies if body.name in solution.fields]
     springs = [_spring(solution, connector) for connector in scene.connectors]
@@ -58,34 +43,26 @@ def box(points: Array) -> tuple[Array, Array]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def supports_of(scene: Any) -> list[Support]:
-    """What the ground holds: clamps, grounded hinges, and fixed ends of springs."""
-    found = []
+def supports_of(scene: Any) -> Iterator[tuple[str, Point]]:
+    """What the ground holds, "clamp" or "pin", and where, m: clamps, grounded hinges, and fixed ends of springs."""
     for joint in scene.joints:  # guides are drawn elsewhere; of a user's own kind nothing is known
         if joint.grounded and isinstance(joint, Clamp | Pin | Weld):
-            kind = "clamp" if isinstance(joint, Clamp) else "pin"
-            found.append(Support(kind, scene.place(joint.ends[0]).position))
-    grounds = (c.ground for c in scene.connectors if isinstance(c, Spring))
-    return [*found, *(Support("pin", point) for point in grounds if point is not None)]
+            yield "clamp" if isinstance(joint, Clamp) else "pin", scene.place(joint.ends[0]).position
+    yield from (("pin", c.ground) for c in scene.connectors if c.ground is not None)
 
 
 def _body(solution: Any, body: Any) -> Shape:
-    match body:
-        case Beam():
-            return Shape(body.name, "beam", solution.position(body.name, np.linspace(0.0, 1.0, 41)))
-        case RigidBody():  # one without length is drawn as a mass
-            points = [solution.position(f"{body.name}.{key}") for key in outline(body)]
-            return Shape(body.name, "mass" if len(points) == 1 else "rigid", np.stack(points, axis=1))
-        case PointMass():
-            return Shape(body.name, "mass", solution.position(f"{body.name}.center")[:, None])
-        case _:
-            raise unknown_kind("body", body, (Beam, RigidBody, PointMass))
+    if isinstance(body, Beam):
+        return Shape(body.name, "beam", solution.position(body.name, np.linspace(0.0, 1.0, 41)))
+    keys = outline(body)
+    points = [solution.position(f"{body.name}.{key}") for key in keys]
+    return Shape(body.name, "rigid" if len(keys) > 1 else "mass", np.stack(points, axis=1))
 
 
-def outline(body: RigidBody) -> list[str]:
+def outline(body: WithPoints) -> list[str]:
     """A body's points in their order around their middle, the first again at the end; of one or two, the centre, too.
 
-    Of a body whose points all are its centre it is the centre alone.
+    Of a point mass, and of a body whose points all are its centre, it is the centre alone.
     """
     keys = list(body.points)
     if not any(any(body.arm(key)) for key in keys):
@@ -100,15 +77,11 @@ def outline(body: RigidBody) -> list[str]:
 
 def _spring(solution: Any, connector: Connector) -> Shape:
     first = solution.position(connector.first)
-    match connector:
-        case Spring():
-            ground = connector.ground
-            last = solution.position(connector.second) if ground is None else np.full_like(first, ground)
-            return Shape("", "spring", np.stack([first, last], axis=1))
-        case RotationalSpring():
-            return Shape("", "rotational spring", first[:, None])
-        case _:
-            raise unknown_kind("connector", connector, CONNECTORS)
+    if isinstance(connector, RotationalSpring):
+        return Shape("", "rotational spring", first[:, None])
+    ground = connector.ground
+    last = solution.position(connector.second) if ground is None else np.full_like(first, ground)
+    return Shape("", "spring", np.stack([first, last], axis=1))
 
 
 def _guides(solution: Any, size: float) -> Iterator[Shape]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ResultError, shown
-from anctmm.model.checks.space import check_plane
+from anctmm.model.checks.parts import check_plane
 from anctmm.results.fields import RigidField
 
 if TYPE_CHECKING:
@@ -26,13 +26,7 @@ EXTRA = {"pandas": "files", "xarray": "files", "meshio": "files", "matplotlib": 
 
 
 def needed(package: str, what: str) -> ModuleType:
-    """An optional package.
-
-    Raises
-    ------
-    ResultError
-        If it is not installed, with the command that installs it.
-    """
+    """An optional package; ResultError with the command that installs it if it is not installed."""
     try:
         return import_module(package)
     except ImportError as error:

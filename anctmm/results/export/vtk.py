@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason
 from anctmm.model.bodies import Beam
-from anctmm.model.checks.space import check_plane
-from anctmm.model.rigid_bodies import CENTER, RigidBody
+from anctmm.model.checks.parts import check_plane
 from anctmm.results.export.shapes import outline
 from anctmm.results.export.tables import check_points, needed
 
@@ -89,5 +88,4 @@ def _places(body: Any, points: int) -> list[tuple[str, Any]]:
     """Body and fraction, or key, of the points that a body is drawn through."""
     if isinstance(body, Beam):
         return [(body.name, x) for x in np.linspace(0.0, 1.0, points)]
-    keys = outline(body) if isinstance(body, RigidBody) else [CENTER]
-    return [(body.name, key) for key in keys]
+    return [(body.name, key) for key in outline(body)]

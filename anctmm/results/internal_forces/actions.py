@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
-from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, free_of
+from anctmm.model.connectors import Connector, Spring, ends_of, free_of
 from anctmm.model.drives import tabulate
 from anctmm.model.expressions import QUARTER_TURN
-from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, load_text, width_of
+from anctmm.model.loads import Force, LineLoad, Load, Torque, load_text, width_of
 from anctmm.model.places import Place
 
 Array = NDArray[np.float64]
@@ -58,18 +57,14 @@ def along(solution: Any, body: str) -> Array:
     return total
 
 
-def _of_load(solution: Any, load: Load) -> Action:
-    values, place = _values(solution, load), solution.scene.place(load.end)  # type: ignore[union-attr]
-    match load:
-        case Force():
-            if load.follower:
-                angle = turn_since_placed(solution, load.end)[:, None]
-                values = np.cos(angle) * values + np.sin(angle) * (values @ QUARTER_TURN.T)
-            return Action(place, values, moment_of(0.0 * values, values))
-        case Torque():
-            return Action(place, np.zeros((len(values), 2)), values)
-        case _:
-            raise unknown_kind("load", load, LOADS)  # type: ignore[arg-type]
+def _of_load(solution: Any, load: Force | Torque) -> Action:
+    values, place = _values(solution, load), solution.scene.place(load.end)
+    if isinstance(load, Torque):
+        return Action(place, np.zeros((len(values), 2)), values)
+    if load.follower:
+        angle = turn_since_placed(solution, load.end)[:, None]
+        values = np.cos(angle) * values + np.sin(angle) * (values @ QUARTER_TURN.T)
+    return Action(place, values, moment_of(0.0 * values, values))
 
 
 def _values(solution: Any, load: Load) -> Array:
@@ -85,20 +80,17 @@ def _values(solution: Any, load: Load) -> Array:
 def _of_connector(solution: Any, connector: Connector) -> Iterator[Action]:
     tension = tension_of(solution, connector)[:, None]
     first, second = ends_of(solution.scene, connector)
-    match connector:
-        case Spring():
-            pull = tension * _line(solution, connector)[2]
-            none = moment_of(0.0 * pull, pull)
-            yield Action(first, pull, none)
-            if isinstance(second, Place):
-                yield Action(second, -pull, none)
-        case RotationalSpring():
-            none = np.zeros((len(tension), 2))
-            if isinstance(second, Place):
-                yield Action(first, none, tension)
-            yield Action(second if isinstance(second, Place) else first, none, -tension)
-        case _:
-            raise unknown_kind("connector", connector, CONNECTORS)
+    if isinstance(connector, Spring):
+        pull = tension * _line(solution, connector)[2]
+        none = moment_of(0.0 * pull, pull)
+        yield Action(first, pull, none)
+        if isinstance(second, Place):
+            yield Action(second, -pull, none)
+        return
+    none = np.zeros((len(tension), 2))
+    if isinstance(second, Place):
+        yield Action(first, none, tension)
+    yield Action(second if isinstance(second, Place) else first, none, -tension)
 
 
 def tension_of(solution: Any, connector: Connector) -> Array:

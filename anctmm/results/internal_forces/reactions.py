@@ -18,37 +18,35 @@ from numpy.typing import NDArray
 
 from anctmm.errors import ResultError
 from anctmm.model.bodies import Beam, Body
+from anctmm.model.expressions import Linearised
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER, PointMass
 from anctmm.results.fields import NodalField
 from anctmm.results.internal_forces.actions import actions_on, along, load_factors, moment_of
 from anctmm.results.internal_forces.section_forces import HeldBeam
-from anctmm.results.joint_rows import SLOTS, JointAtOutputs, Row, rigid_bodies
+from anctmm.results.joint_rows import JointAtOutputs, rigid_bodies
 
 Array = NDArray[np.float64]
 
 
 def reactions_of(solution: Any) -> list[Array]:
-    """What each joint of a scene exerts on its first place: force, N, and moment, N m, see `Solution.reaction`.
-
-    Raises
-    ------
-    ResultError
-        If the solution does not have what reactions are found from.
-    """
+    """What each joint exerts on its first place, force, N, and moment, N m; errors as of `Solution.reaction`."""
     rigid = rigid_bodies(solution)
     joints = [JointAtOutputs(solution, joint, rigid) for joint in solution.scene.joints]
     equations = _Equations(solution)
     rows = [[(equations.add(joint, row), row) for row in joint.rows()] for joint in joints]
     multipliers, found = equations.multipliers(), []
+    nothing = np.zeros((len(solution.t), solution.scene.dim))
     for joint, own in zip(joints, rows, strict=True):
-        forces = np.zeros((SLOTS, len(solution.t), solution.scene.dim))
+        force, moment = nothing, moment_of(nothing, nothing)
         for columns, row in own:
-            for slot in set(row.slopes) & set(range(SLOTS)):
-                forces[slot] += np.einsum("nr,nrc->nc", multipliers[:, columns], row.slopes[slot])
-        turning = [slot for slot in range(1, SLOTS) if forces[slot].any()]
-        moments = (moment_of(joint.vectors[slot], forces[slot]) for slot in turning)
-        found.append(np.hstack([forces[0], sum(moments, moment_of(0.0 * forces[0], forces[0]))]))
+            for vector, slope in row.slopes.items():
+                number, axis = joint.owners[vector]
+                exerted = np.einsum("nr,nrc->nc", multipliers[:, columns], slope)
+                if number == joint.owners[0][0]:
+                    moment = moment + moment_of(joint.vectors[vector], exerted) if axis else moment
+                    force = force if axis else force + exerted
+        found.append(np.hstack([force, moment]))
     return found
 
 
@@ -62,23 +60,21 @@ class _Equations:
         self.first, self.sums, self.masses = dict[Any, int](), list[Array](), list[float]()
         self.at, self.factors = list[tuple[int, int]](), list[Array]()
 
-    def add(self, joint: JointAtOutputs, row: Row) -> slice:
+    def add(self, joint: JointAtOutputs, row: Linearised) -> slice:
         """One more equation of a joint; returned are the places of its multipliers."""
         first, rows = self.count, row.value.shape[1]
         self.count += rows
         for vector, slope in row.slopes.items():
-            place = joint.places[vector // SLOTS]
-            if isinstance(place, Place):
-                rigid = place.body.name in joint.rigid
-                parts = (
-                    self._of_rigid(joint, vector, place) if rigid else self._of_beam(vector % SLOTS, place)
-                )
-                for equation, part in parts:
-                    self.at += [(equation, first + k) for k in range(rows)]
-                    self.factors += [*(slope * part[:, None]).sum(axis=2).T]
+            number, axis = joint.owners[vector]
+            place = joint.places[number]
+            rigid = place.body.name in joint.rigid
+            of = self._of_rigid(joint.vectors[vector], axis, place) if rigid else self._of_beam(axis, place)
+            for equation, part in of:
+                self.at += [(equation, first + k) for k in range(rows)]
+                self.factors += [*(slope * part[:, None]).sum(axis=2).T]
         return slice(first, self.count)
 
-    def _of_rigid(self, joint: JointAtOutputs, vector: int, place: Place) -> Iterator[tuple[int, Array]]:
+    def _of_rigid(self, arm: Array, axis: int, place: Place) -> Iterator[tuple[int, Array]]:
         """Parts of a force on a vector of a place in the sums of forces and moments on a rigid body, (n, dim)."""
         body = place.body
         if body.name not in self.first:
@@ -86,22 +82,22 @@ class _Equations:
             mass, inertia = body.mass, float(inertia_of(self.solution, body).sum())
             masses = [mass] * force.shape[1] + [inertia] * moment.shape[1]
             self._begin(body.name, [*force.T, *moment.T], masses)
-        first, arm = self.first[body.name], joint.vectors[vector]
-        if vector % SLOTS == 0:
+        first = self.first[body.name]
+        if axis == 0:
             yield from enumerate(self.eye[:, None], start=first)
             arm = arm - _center(self.solution, body)
         if not isinstance(body, PointMass):  # which bears no moment
             moments = np.stack([moment_of(arm, np.broadcast_to(e, arm.shape)) for e in self.eye], axis=-1)
             yield from enumerate(np.moveaxis(moments, 1, 0), start=first + len(self.eye))
 
-    def _of_beam(self, slot: int, place: Place) -> Iterator[tuple[int, Array]]:
+    def _of_beam(self, axis: int, place: Place) -> Iterator[tuple[int, Array]]:
         """The same in the sums of forces on the vectors of the nodes next to a place of a beam."""
         name = place.body.name
         if name not in self.beams:
             self.beams[name] = HeldBeam(self.solution, name)
         beam = self.beams[name]
         number, x = beam.element_at(float(place.key))
-        weights = beam.element.turning(x)[0] if slot == 2 else beam.element.axis(x, slot)[0]
+        weights = beam.element.turning(x)[0] if axis == 2 else beam.element.axis(x, axis)[0]
         for node, of_node in zip((number, number + 1), np.split(weights, 2), strict=True):
             if of_node.any():
                 if (name, node) not in self.first:
@@ -166,12 +162,7 @@ def _center(solution: Any, body: Body) -> Array:
 def _held(solution: Any, body: Body) -> tuple[Array, Array]:
     """Force and moment about its centre on a rigid body of all that is no load, weight or connector.
 
-    A point mass has no moment, (n, 0).
-
-    Raises
-    ------
-    ResultError
-        If the solution has no accelerations.
+    A point mass has no moment, (n, 0). ResultError if the solution has no accelerations.
     """
     name, field = body.name, solution.fields[body.name]
     if not isinstance(field, NodalField) or (field.accelerations is None and not solution.static):

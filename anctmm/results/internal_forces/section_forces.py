@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 def section_force(solution: Any, body: str, fraction: float) -> Array:
     """N, Q, M of the part beyond a section on the part before it, (n, 3); see `Solution.section_force`."""
     beam = HeldBeam(solution, body)
-    number, x = beam.element_at(fraction)
+    number, x = beam.element_at(float(fraction))
     force, moment = beam.beyond(number, x)
     tangent = np.einsum("i,nic->nc", beam.element.axis(x, 1)[0], beam.of_element(beam.q, number))
     tangent = tangent / np.hypot(*tangent.T)[:, None]
@@ -41,13 +41,11 @@ def section_force(solution: Any, body: str, fraction: float) -> Array:
 class HeldBeam:
     """A beam of elements that bend over all outputs, and what holds its nodes.
 
-    Raises
-    ------
-    ResultError
-        If the solution does not have what section forces are found from.
+    ResultError if the solution does not have what section forces are found from.
     """
 
     def __init__(self, solution: Any, name: str) -> None:
+        self.solution, self.name, self.body = solution, name, solution.scene.beam(name)
         field = solution.fields.get(name)
         ours = isinstance(field, HermiteField) and not isinstance(field, InterpolatedField)
         unknown = f"section forces of {name!r} are not known by solver {solution.solver!r}"
@@ -58,7 +56,6 @@ class HeldBeam:
             raise ResultError(f"{unknown}: it is rigid; elements that bend are needed")
         if field.accelerations is None and not solution.static:
             raise ResultError(f"{unknown}: accelerations are needed, which it does not keep")
-        self.solution, self.name, self.body = solution, name, solution.scene.beam(name)
         self.element = kind.element_of(self.body, self.count, solution.run.quadrature)
         #: Coordinates and their rates, (n, nodes, vectors, dim), 0 where there is none.
         self.q = field.coordinates

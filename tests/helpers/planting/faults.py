@@ -59,5 +59,5 @@ FAULTS = (
     Fault("reactions", FORCES + "reactions", "inertia_of", replace("12.0", "3.0")),
     Fault("comparisons", RESULTS + "metrics", "history_error", replace("difference**2", "difference")),
     Fault("comparisons", RESULTS + "metrics", "compare", replace("largest / scale", "largest")),
-    Fault("saved runs", RESULTS + "export.plain_data", "_value", scale("arrays[content].copy()", 2.0)),
+    Fault("saved runs", RESULTS + "export.saving", "_value", scale("arrays[content].copy()", 2.0)),
 )

@@ -162,6 +162,15 @@ def test_about_motions_forces_of_constraints_stiffen():
     assert modes(scene).frequencies[0] == 0.0  # without gravity
 
 
+def test_next_to_an_equilibrium_and_in_free_flight_nothing_is_told():
+    """Warnings are errors here."""
+    scene, motion = pendulum(1e-4)
+    assert 2 * pi * modes(scene, about=motion).frequencies[0] == pytest.approx(sqrt(1.5 * 9.81), rel=1e-6)
+    thrown = at.Scene("thrown", bar().bodies, gravity=(0.0, -9.81))
+    falling = modes(thrown, mesh=2, count=4, about=at.solve(thrown, mesh=2, dt=2e-2, t_end=0.1)).frequencies
+    np.testing.assert_allclose(falling[3], modes(thrown, mesh=2, count=4).frequencies[3], rtol=1e-6)
+
+
 def test_a_campbell_diagram():
     found = campbell(rotor(3.0), [40.0, 12.0])
     assert list(found.speeds) == [12.0, 40.0]
