@@ -19,7 +19,6 @@ from anctmm.solvers import registry
 from studies.engine.files import check_writable
 from studies.regression.history import (
     FIRST,
-    UNITS,
     History,
     Tolerance,
     quantity_of,
@@ -75,11 +74,6 @@ class Finding:
         """Its name, and whose history it is compared with where that is not its own."""
         own = self.against in ("", self.name.split("/")[-1])
         return self.name if own else f"{self.name} against {self.against}"
-
-    @property
-    def unit(self) -> str:
-        """Of the difference and the tolerance."""
-        return UNITS[quantity_of(self.where)] if self.where else ""
 
 
 def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -> tuple[Task, ...]:

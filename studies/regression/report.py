@@ -19,6 +19,7 @@ NOTES = (
     "history with its reason.",
     "against: whose stored history; a peer of the same equations is also compared with ours, within both tolerances.",
 )
+OUTCOMES = {NOT_RUN: "skipped", FAILED: "error"}
 COLUMNS = ["against", "difference", "tolerance", "where", "time", "verdict", "reason"]
 
 
@@ -30,13 +31,8 @@ def frame_of(findings: Sequence[Finding]) -> pd.DataFrame:
 
 def show(findings: Sequence[Finding], console: Console) -> None:
     """Print the table, the reasons of all that is not simply the same, and the count of each verdict."""
-    lines = []
-    for f in findings:
-        sizes = (f"{x:.1e} {f.unit}" if f.where else "" for x in (f.difference, f.tolerance))
-        place = f"{f.where.removesuffix(f' ({f.unit})')}, {f.time:.4g}" if f.where else ""
-        lines.append((f.title, *sizes, place, f.verdict))
-    columns = ["run", "difference", "tolerance", "where", "verdict"]
-    show_frame(console, "", pd.DataFrame(lines, columns=columns))
+    frame = frame_of(findings).assign(run=[f.title for f in findings])
+    show_frame(console, "", frame[["run", "difference", "tolerance", "where", "time", "verdict"]])
     for f in (f for f in findings if f.reason):
         style = "yellow" if f.verdict == NOT_RUN else "green" if f.good else "bold red"
         say(console, f"{f.title}: {f.reason}", style)
@@ -61,7 +57,9 @@ def junit(findings: Sequence[Finding]) -> str:
     xml = ElementTree.Element("testsuites", name="anctmm check")
     for scene, group in groupby(findings, key=lambda f: f.name.split("/")[0]):
         cases = list(group)
-        outcomes = [_outcome(f) for f in cases]
+        outcomes = [
+            "" if f.good and f.verdict != NOT_RUN else OUTCOMES.get(f.verdict, "failure") for f in cases
+        ]
         counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
         number = {k: str(outcomes.count(v)) for k, v in counts.items()} | {"tests": str(len(cases))}
         suite = ElementTree.SubElement(xml, "testsuite", {"name": scene, **number})
@@ -78,12 +76,6 @@ def junit(findings: Sequence[Finding]) -> str:
                 text = "".join(c if c.isprintable() else " " for c in f"{f.verdict}: {f.reason}; {sizes}")
                 ElementTree.SubElement(case, outcome, message=text, type=f.verdict)
     return ElementTree.tostring(xml, encoding="unicode", xml_declaration=True)
-
-
-def _outcome(f: Finding) -> str:
-    if f.verdict == NOT_RUN:
-        return "skipped"
-    return "" if f.good else "error" if f.verdict == FAILED else "failure"
 
 
 def _draw(f: Finding, figure: Figure) -> None:

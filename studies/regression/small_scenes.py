@@ -108,15 +108,6 @@ ANGLED_STILL = replace(
     ANGLED_ROW, name="small-angled-still", gravity=(0.6, -0.9),
     loads=(at.Force("one.start", (0.01, 0.02)), at.Torque("three.start", 0.003)),
 )
-# A continuous beam over a support: aligned welds, one held at the ground, and a pinned start.
-PLACES = [(0.3 * i, 0.1 * i) for i in range(4)]
-STRAIGHT_ROW = at.Scene(
-    "small-straight-row",
-    [body("one", PLACES[0], PLACES[1]), body("two", PLACES[1], PLACES[2], FIRM), body("three", PLACES[2], PLACES[3])],
-    [at.Pin("one.start"), at.Weld("one.end", "two.start"), at.Weld("two.end", "three.start", grounded=True)],
-    [at.Force("three.end", (0.3, -0.5)), at.Torque("one.end", 0.02)],
-    GRAVITY,
-)
 # Cables and shear elements in one scene, joined by pins, with an angled weld; two chains; all damped.
 MIXED_ROW = at.Scene(
     "small-mixed-row",
@@ -168,18 +159,10 @@ def stick(name: str, force: Point, torque: float = 0.0, gravity: Point = (0.0, 0
 
 STICK = stick("small-stick", (0.02, 0.06), 0.004, (0.5, -0.8))
 COLUMN = stick("small-column", (-0.03164, -0.02363))  # one and a half times Euler's load, and a small side force
-ROLLED = stick("small-rolled", (0.0, 0.0), 0.12)  # in the first steps Newton's iteration hardly converges
-WOUND = stick("small-wound", (0.0, 0.0), 0.3)  # wound up further than a coarse mesh can follow
 PULLED = stick("small-pulled", (2e7, 0.0))  # a force that no beam can bear
 CRUSHED = stick("small-crushed", (-40.0, -30.0))  # along the axis: turns shear elements inside out
 # A free body: on one element its highest frequency is the element's own.
 BARE = at.Scene("small-bare", [body("bare", A, C, FIRM, BLOCK)], gravity=GRAVITY)
-# A stick that rests until a force pushes it, while its clamp swings and returns.
-PULSE = at.Scene(
-    "small-pulse",
-    [body("stick", A, (0.4, 0.3), PLAIN)], [at.Clamp("stick.start", angle=at.Quintic(0.3, 0.08))],
-    [at.Torque("stick.end", at.Pulse(0.4, 0.04)), at.Force("stick.end", ramp((0.0, 0.0), (3.0, 20.0)))],
-)
 # A stiff bar that turns fast about a pin: implicit steps that are too long for it make energy.
 SPUN = at.Scene(
     "small-spun",
@@ -271,12 +254,6 @@ GUIDED = at.Scene(
     [at.Force("tool.b", (0.2, -0.1))], GRAVITY,
     [at.Spring("one.start", "base.q", stiffness=60.0),
      at.RotationalSpring("base.center", stiffness=0.4, damping=1e-3)],
-)
-# A weight that hangs from a clamped beam by a spring which lies level at first.
-SLACK = at.Scene(
-    "small-slack",
-    [body("one", A, B), at.PointMass("ball", 0.02, (0.8, 0.1))], [at.Clamp("one.start")], [], (0.6, -1.4),
-    [at.Spring("one.end", "ball.center", stiffness=15.0)],
 )
 # A driven crank, its rod, whose end slides with a weight, and a beam on a prismatic joint; all on the ground.
 SLIDING = at.Scene(
