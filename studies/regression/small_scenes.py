@@ -274,13 +274,4 @@ STARTED = at.consistent_velocities(
             at.Pin("bar.b", "ball.center"), at.Slider("ball.center", (2.0, -1.0)),
             at.Slider("swing.start", (1.0, 1.0), position=spin(0.4))],
 )
-# A rigid plate on a driven clamp that already turns, with a beam on it by a driven weld, and a tip mass.
-DRIVEN_PLATE = at.consistent_velocities(
-    name="small-driven-plate",
-    bodies=[at.RigidBody("plate", 0.07, 4e-4, (0.1, 0.05), {"hub": A, "a": (0.2, 0.1)}),
-            body("arm", (0.2, 0.1), (0.4, 0.4), FIRM, BLOCK), at.PointMass("ball", 0.02, (0.4, 0.4))],
-    joints=[at.Clamp("plate.hub", angle=spin(-1.5, 25.0)), at.Weld("plate.a", "arm.start", angle=at.Quintic(0.6, 0.05)),
-            at.Pin("arm.end", "ball.center")],
-    loads=[at.Torque("arm.end", 0.01)], gravity=GRAVITY,
-)
 # fmt: on
