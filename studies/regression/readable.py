@@ -46,17 +46,13 @@ class Chain:
     def __init__(self, scene: Scene, run: Discretisation) -> None:
         self.scene, self.mesh = scene, Mesh(scene, run)
         number, last = {body.name: n for n, body in enumerate(scene.bodies)}, len(scene.bodies) - 1
-        ends = [
-            sorted((number[p.body.name], p.key) for p in map(scene.place, j.places)) for j in scene.joints
-        ]
+        placed = [map(scene.place, joint.places) for joint in scene.joints]
+        ends: list[Any] = [sorted((number[place.body.name], place.key) for place in two) for two in placed]
         links = sorted((places, n) for n, places in enumerate(ends) if len(places) == 2)
         held = {places[0]: scene.joints[n] for n, places in enumerate(ends) if len(places) == 1}
         self.links = [scene.joints[n] for _, n in links]
         #: Inboard side of each body: 0 start, 1 end.
-        self.sides: list[Any] = [
-            1 - links[0][0][0][1] if links else 0,
-            *(places[1][1] for places, _ in links),
-        ]
+        self.sides = [1 - links[0][0][0][1] if links else 0, *(places[1][1] for places, _ in links)]
         self.supports = [held.get(end) for end in ((0, self.sides[0]), (last, 1 - self.sides[-1]))]
         parts = np.split(np.arange(self.mesh.nodes), [*self.mesh.first.values()][1:])
         self.order = np.concatenate([p[::-1] if s else p for p, s in zip(parts, self.sides, strict=True)])

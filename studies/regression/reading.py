@@ -83,7 +83,7 @@ def _run(task: Task) -> tuple[Status, History | None]:
         return status, None
     found = solutions[0]
     if what == COMPARED:
-        comparison = at.compare(*solutions, task.probes)
+        comparison = at.compare(found, solutions[1], task.probes)
         errors = np.array([comparison.error, comparison.largest, *comparison.by_probe.values()])
         return status, _table("probe", iter([(label("relative error"), errors)]))
     columns = _forces(_saved(found)) if what == FORCES else _motion(task, found)
