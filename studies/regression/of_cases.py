@@ -2,16 +2,18 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from math import ceil
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
+from anctmm.model.scene import Scene
 from studies.engine.files import file_name
-from studies.engine.meshes import coarsest_mesh, longest_step
+from studies.engine.meshes import longest_step, parts_of
 from studies.engine.study import check_mesh
 from studies.regression.scenes import TIGHT, Motion, Static, Watch
 
-#: Steps between outputs, and samples of a stored history at most.
-EVERY, SAMPLES = 4, 20
+#: Elements of the longest beam, steps between outputs, and samples of a stored history at most.
+ELEMENTS, EVERY, SAMPLES = 4, 4, 20
 #: The solvers compared: a feature that one of them lacks is reported, and is no failure.
 SOLVERS = ("anctmm", "global-dae")
 
@@ -28,7 +30,7 @@ def watches_of(
 
 
 def _run(case: Case, given: tuple[int, ...] | None, dt: float | None) -> Motion:
-    mesh = coarsest_mesh(case, "shear") if given is None else given  # 4 elements of the longest beam
+    mesh = _mesh(case.scene) if given is None else given
     if given is not None and case.scene.beams:
         check_mesh(case.scene, given)
     names = [beam.name for beam in case.scene.beams]
@@ -41,3 +43,11 @@ def _run(case: Case, given: tuple[int, ...] | None, dt: float | None) -> Motion:
     return Discretisation(
         by_beam, newton_tolerance=TIGHT, dt=step, t_end=case.duration, output_dt=few * case.interval
     )
+
+
+def _mesh(scene: Scene) -> tuple[int, ...]:
+    """A few elements of each beam, by its length, with a node at each joint inside it."""
+    longest = max((beam.length for beam in scene.beams), default=1.0)
+    least = [2 * ceil(ELEMENTS / 2 * beam.length / longest * (1.0 - 1e-9)) for beam in scene.beams]
+    parts = [parts_of(scene, beam) for beam in scene.beams]
+    return tuple(p * ceil(n / p) for n, p in zip(least, parts, strict=True)) or (2,)
