@@ -52,7 +52,7 @@ def measured(task: Task, history: History) -> History:
         if found is None:
             raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {status}")
         common = np.isclose(found.t[:, None], history.t, rtol=1e-9, atol=1e-12).any(axis=1)
-        frame = _turned_back(found.frame.loc[common], angle)
+        frame = _turned_back(found.frame.iloc[np.flatnonzero(common)], angle)
         if list(frame) != list(history.frame) or len(frame) != len(history.frame):
             raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
         ending = [part for part in ending if part in found.ending.split(", ")]
