@@ -195,13 +195,8 @@ def check(
     tasks = checking.select(tasks_of(_watches(file, case, elements, dt, scenes)), only or (), solver or ())
     own = scenes or (Path(file) if file else None)
     stored = baselines or (own.parent / "baselines" if own else checking.BASELINES)
-    name = " ".join(own.name.split()) if own else ""  # it becomes a line of a header
     check_writable(out / "check")
-    if update:
-        work = checking.update(tasks, stored, name)
-    else:
-        complete = not (only or solver or case)
-        work = checking.check(tasks, stored, whole=complete, workers=cpu_count(), file=name)
+    work = checking.check(tasks, stored, update, cpu_count())
     findings: list[Any] = []
     with bar() as progress:
         shown = progress.add_task("running", total=len(tasks))

@@ -1,6 +1,5 @@
 """Runs the rules on a registered solver and shows the findings."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -15,11 +14,8 @@ from studies.conformance.scenes import cantilever
 from studies.conformance.subject import BrokenRule, Subject
 from studies.engine.tables import say, show_frame
 
-LOADS = Rule("loads", "it can be imported")
-INSTALLED = Rule("installed", "the packages it needs are installed")
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
-VERDICTS = (HOLDS, BROKEN, NOT_OFFERED, NOT_RUN, NOT_INSTALLED)
 
 
 @dataclass(frozen=True)
@@ -41,25 +37,22 @@ def conform(name: str) -> Iterator[Finding]:
     UnknownSolverError
         If no package registers that name.
     """
+    asks = "it can be imported"
     try:
         subject = Subject(name, registry.load(name))
         lacks = ", ".join(sorted(subject.offer.lacks)) or "nothing"
     except PluginError as error:
-        yield _finding(LOADS, BROKEN, str(error))
+        yield Finding("loads", asks, str(error), "", BROKEN)
         return
-    yield _finding(LOADS, HOLDS, f"lacks {lacks}")
-    called = True
-    if absent := _missing(subject):
-        yield _finding(INSTALLED, NOT_INSTALLED, absent)
-        called = False
+    yield Finding("loads", asks, f"lacks {lacks}", "", HOLDS)
+    absent = _missing(subject)
+    if absent:
+        yield Finding("installed", "the packages it needs are installed", absent, "", NOT_INSTALLED)
+    called = not absent
     for rule in RULES:
-        found = judge(rule, subject) if called else _finding(rule, NOT_RUN)
+        found = judge(rule, subject) if called else Finding(rule.name, rule.asks, "", "", NOT_RUN)
         called = called and (rule.name, found.verdict) != (SIGNATURE, BROKEN)
         yield found
-
-
-def _finding(rule: Rule, verdict: str, measured: str = "", allowed: str = "") -> Finding:
-    return Finding(rule.name, rule.asks, measured, allowed, verdict)
 
 
 def _missing(subject: Subject) -> str:
@@ -74,19 +67,20 @@ def _missing(subject: Subject) -> str:
 
 def judge(rule: Rule, subject: Subject) -> Finding:
     """One rule's finding; whatever is raised on the way breaks the rule."""
-    if lacking := subject.offer.lacking(rule.needs):
-        return _finding(rule, NOT_OFFERED, f"lacks {', '.join(lacking)}")
+    measured, allowed, verdict = "", "", BROKEN
     try:
-        found = rule.test(subject)
+        if lacking := subject.offer.lacking(rule.needs):
+            measured, verdict = f"lacks {', '.join(lacking)}", NOT_OFFERED
+        elif isinstance(found := rule.test(subject), str):
+            measured, verdict = found, HOLDS
+        else:
+            measured, allowed = f"{found[0]:.2g} {found[2]}", f"{found[1]:.2g}"
+            verdict = HOLDS if found[0] <= found[1] else BROKEN  # what is no number is not
     except BrokenRule as reason:
-        return _finding(rule, BROKEN, str(reason))
+        measured = str(reason)
     except Exception as error:  # a broken solver may raise anything
-        return _finding(rule, BROKEN, f"{type(error).__name__}: {' '.join(str(error).split())}")
-    if isinstance(found, str):
-        return _finding(rule, HOLDS, found)
-    value, allowed, what = found
-    verdict = HOLDS if value <= allowed else BROKEN  # what is no number is not
-    return _finding(rule, verdict, f"{value:.2g} {what}", f"{allowed:.2g}")
+        measured = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return Finding(rule.name, rule.asks, measured, allowed, verdict)
 
 
 def exit_code(findings: Sequence[Finding]) -> int:
@@ -97,8 +91,8 @@ def exit_code(findings: Sequence[Finding]) -> int:
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:
     """Print the table and the count of each verdict."""
-    columns = ["rule", "asks", "measured", "allowed", "verdict"]
-    lines = [[getattr(f, column) for column in columns] for f in findings]
-    show_frame(console, f"Solver {name}", pd.DataFrame(lines, columns=columns))
-    counts = Counter(f.verdict for f in findings)
-    say(console, ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]))
+    frame = pd.DataFrame(findings)
+    show_frame(console, f"Solver {name}", frame)
+    counts = frame["verdict"].value_counts()
+    known = (v for v in (HOLDS, BROKEN, NOT_OFFERED, NOT_RUN, NOT_INSTALLED) if v in counts)
+    say(console, ", ".join(f"{counts[verdict]} {verdict}" for verdict in known))

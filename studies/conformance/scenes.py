@@ -125,16 +125,14 @@ DEMANDS: Mapping[str, Change] = {
     **MECHANISMS,
     "statics": same,
 }
-#: By a feature, the ends that meet in one place: the first with each of the others.
-MEETING: Mapping[str, list[list[tuple[str, float]]]] = {
-    "joints": [[("bar", 1.0), ("second", 0.0)]],
-    "branches": [[("bar", 1.0), ("left", 0.0), ("right", 0.0)]],
+#: By a feature, pairs of ends that are in one place.
+MEETING: Mapping[str, list[tuple[tuple[str, float], tuple[str, float]]]] = {
+    "joints": [(("bar", 1.0), ("second", 0.0))],
+    "branches": [(("bar", 1.0), ("left", 0.0)), (("bar", 1.0), ("right", 0.0))],
     "loops": [
-        [("first", 1.0), ("base", 1.0)],
-        [("last", 1.0), ("base", 0.0)],
-        [("first", 0.0), ("last", 0.0)],
+        (("first", 1.0), ("base", 1.0)), (("last", 1.0), ("base", 0.0)), (("first", 0.0), ("last", 0.0)),
     ],
-}
+}  # fmt: skip
 #: Features with an effect on the bar. Whether a stretch is held means nothing to elements without one.
 ACTING = [f for f in DEMANDS if f not in MEETING and f != "statics" and not f.startswith("free-")]
 #: The scene with which a feature is compared, where that is not the bar alone.

@@ -29,11 +29,6 @@ class Subject:
         """Its declared capabilities."""
         return registry.offer_of(self.solve)
 
-    @cached_property
-    def static(self) -> Solver:
-        """Its `solve_static`."""
-        return registry.load_static(self.name, self.solve)
-
     @property
     def element(self) -> str:
         """The element that the rules of motion use."""
@@ -53,13 +48,14 @@ class Subject:
             self._found[scene, run] = whole(self.solve(scene, run))
         return self._found[scene, run]
 
-    def rest(self, scene: Scene, mesh: int, element: str) -> Solution:
-        """Equilibrium, requested as in the studies; BrokenRule if it is not found."""
-        return whole(self.static(scene, mesh=mesh, element=element, quadrature="full"))
+    def static(self, scene: Scene, **options: Any) -> Solution:
+        """What its `solve_static` answers, asked for as in the studies."""
+        usual = {"mesh": 8, "element": self.element, "quadrature": "full"}
+        return registry.load_static(self.name, self.solve)(scene, **(usual | options))
 
 
 def whole(answer: Solution) -> Solution:
-    """The answer, if it is a whole run."""
+    """The answer, if it is a whole run; else BrokenRule."""
     if not isinstance(answer, Solution):
         raise BrokenRule(f"the answer is a {type(answer).__name__}, no anctmm.Solution")
     if not answer.status.ok:

@@ -7,9 +7,9 @@ equations also with the displacements stored for ANC-TMM, within both tolerances
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from itertools import chain
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import joblib
 import numpy as np
@@ -18,14 +18,12 @@ from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.engine.files import check_writable
 from studies.regression.history import (
-    UNITS,
-    Baseline,
+    FIRST,
     History,
     Tolerance,
-    is_ours,
     quantity_of,
-    read_baseline,
-    write_baseline,
+    read_history,
+    write_history,
 )
 from studies.regression.reading import READABLE, answered
 from studies.regression.scenes import CheckError, Task
@@ -40,38 +38,30 @@ SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
 #: a fiftieth (dynamics), a wrong tangent doubles it.
 MORE_WORK = 0.5
 
-SAME, DIFFERS, SETTINGS, MISSING, UNREADABLE, FAILED, NOT_RUN, UNASKED = (
-    "same", "differs", "other settings", "no baseline", "unreadable", "failed", "not run", "unasked",
+SAME, DIFFERS, SETTINGS, MISSING, UNREADABLE, FAILED, NOT_RUN = (
+    "same", "differs", "other settings", "no baseline", "unreadable", "failed", "not run",
 )  # fmt: skip
 NEW, RENEWED, UNCHANGED = "new", "renewed", "unchanged"
 
 
 @dataclass(frozen=True)
-class Worst:
-    """The largest difference of two histories, in units of the tolerance, and the head of its column."""
-
-    column: str
-    time: float
-    difference: float
-    tolerance: float
-
-    @property
-    def unit(self) -> str:
-        """Of the difference and the tolerance."""
-        return UNITS[quantity_of(self.column)]
-
-
-@dataclass(frozen=True)
 class Finding:
-    """The outcome of one comparison: of scene/run/solver, with the stored history of the solver `against`."""
+    """The outcome of one comparison: of scene/run/solver, with the stored history of the solver `against`.
+
+    Difference, tolerance, column (`where`) and time are those of the sample that is farthest off in units of its
+    tolerance; without a column nothing was compared.
+    """
 
     name: str
     verdict: str
     reason: str = ""
     against: str = ""
-    worst: Worst | None = None
+    difference: float = np.nan
+    tolerance: float = np.nan
+    where: str = ""
+    time: float = np.nan
     computed: History | None = None
-    stored: Baseline | None = None
+    stored: History | None = None
     wall_s: float = 0.0
 
     @property
@@ -122,27 +112,45 @@ def passed(findings: Sequence[Finding]) -> bool:
 
 
 def check(
-    tasks: Sequence[Task], baselines: Path, whole: bool = False, workers: int = 1, file: str = ""
+    tasks: Sequence[Task], baselines: Path, update: bool = False, workers: int = 1
 ) -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and compare: findings of each task, in order, and at last of the stored histories without one.
+    """Run tasks and compare: findings of each task, in order; with `update` store what is new or differs.
 
-    These are looked for where `whole` says that there are no other tasks, and not among those that belong to another
-    `file` than the one that declares the tasks. CheckError at once, if there is no directory of baselines.
+    A history within its tolerance is left as it is, and a run that is not whole is not stored. CheckError at once, if
+    there is no directory of baselines; OutputError, if it is to be written and cannot be.
     """
-    if not baselines.is_dir():
+    if update:
+        check_writable(baselines, "--baselines")
+    elif not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
-    unasked = _unasked(tasks, baselines, file) if whole else ()
     parallel = joblib.Parallel(n_jobs=min(workers, len(tasks)), return_as="generator")
-    found = parallel(joblib.delayed(_checked)(task, baselines.absolute()) for task in tasks)
-    return chain(found, [unasked] if unasked else [])
+    return parallel(joblib.delayed(_checked)(task, baselines.absolute(), update) for task in tasks)  # type: ignore[no-any-return]
 
 
-def _checked(task: Task, baselines: Path) -> tuple[Finding, ...]:
+def _checked(task: Task, baselines: Path, update: bool) -> tuple[Finding, ...]:
     """Run a task and compare: with its own stored history, and that of ANC-TMM if both solve the same equations."""
     begun = perf_counter()
-    status, history = answered(task)
-    own = replace(_own(task, status, history, baselines), wall_s=perf_counter() - begun)
-    return (own, *_beside_ours(task, own, baselines))
+    status, computed = answered(task)
+    own = replace(_own(task, status, computed, baselines), wall_s=perf_counter() - begun)
+    if not update:
+        return (own, *_beside_ours(task, own, baselines))
+    return (own if computed is None else _stored(task, computed, own, task.path(baselines)),)
+
+
+def _stored(task: Task, computed: History, before: Finding, path: Path) -> Finding:
+    """Store a run's history if it is new or differs."""
+    if before.verdict == SAME:
+        return replace(before, verdict=UNCHANGED)
+    if before.verdict == UNREADABLE and not path.read_bytes().startswith(FIRST.encode()):
+        return replace(before, reason=f"{before.reason}; it is not overwritten: move it away")
+    if not np.isfinite(computed.frame.to_numpy()).all():
+        return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
+    try:
+        write_history(path, task, measured(task, computed))
+    except CheckError as error:
+        return Finding(task.name, FAILED, str(error))
+    new = before.verdict == MISSING
+    return replace(before, verdict=NEW if new else RENEWED, reason="" if new else before.reason)
 
 
 def _own(task: Task, status: Status, history: History | None, baselines: Path) -> Finding:
@@ -158,7 +166,7 @@ def _own(task: Task, status: Status, history: History | None, baselines: Path) -
     if not path.exists():
         return Finding(task.name, MISSING, f"{path} is not there; --update makes it")
     try:
-        return _compared(task, history, read_baseline(path), task.solver)
+        return _compared(task, history, read_history(path), task.solver)
     except CheckError as error:
         return Finding(task.name, UNREADABLE, str(error))
 
@@ -169,34 +177,34 @@ def _beside_ours(task: Task, own: Finding, baselines: Path) -> tuple[Finding, ..
     if own.computed is None or own.stored is None or task.solver not in SAME_EQUATIONS or not path.exists():
         return ()
     try:
-        ours = read_baseline(path)
+        ours = read_history(path)
     except CheckError:
-        return ()  # reported in the row of that history
-    known = [b.tolerances.get("displacement") for b in (own.stored, ours)]
-    if not task.settings == own.stored.settings == ours.settings or None in known:
+        return ()  # it is reported in the row of that history
+    known = [h.tolerances["displacement"].value for h in (own.stored, ours) if "displacement" in h.tolerances]
+    if len(known) < 2 or not own.computed.settings == own.stored.settings == ours.settings:
         return ()
-    both = Tolerance(sum(t.value for t in known if t), "both tolerances")
-    now, before = (replace(h, frame=h.of_quantity("displacement")) for h in (own.computed, ours.history))
-    return (_compared(task, now, Baseline(ours.settings, {"displacement": both}, before), OURS),)
+    now, before = (replace(h, frame=h.of_quantity("displacement")) for h in (own.computed, ours))
+    both = {"displacement": Tolerance(sum(known), "both tolerances")}
+    return (_compared(task, now, replace(before, tolerances=both), OURS),)
 
 
-def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
+def _compared(task: Task, computed: History, stored: History, against: str) -> Finding:
     """A run against a stored history."""
     # histories that were stored before angles were have none
-    columns = [c for c in computed.frame if quantity_of(c) != "angle" or c in stored.history.frame]
+    columns = [c for c in computed.frame if quantity_of(c) != "angle" or c in stored.frame]
     computed = replace(computed, frame=computed.frame[columns])
     found = Finding(task.name, DIFFERS, against=against, computed=computed, stored=stored)
-    if stored.settings != task.settings:
-        reason = _changes(stored.settings.split(", "), task.settings.split(", "))
+    if stored.settings != computed.settings:
+        reason = _changes(stored.settings.split(", "), computed.settings.split(", "))
         return replace(found, verdict=SETTINGS, reason=reason)
-    if reason := _unlike(computed, stored.history):
+    if reason := _unlike(computed, stored):
         return replace(found, reason=reason)
-    worst = _worst(computed, stored) if len(computed.frame.columns) else None
-    now, before = computed.corrections, stored.history.corrections
+    now, before = computed.corrections, stored.corrections
     if against == task.solver and now > (1.0 + MORE_WORK) * before:
         reason = f"Newton corrections are {now}, stored are {before}: the tangent may be wrong"
-    far = worst is not None and not worst.difference <= worst.tolerance
-    return replace(found, verdict=DIFFERS if far or reason else SAME, reason=reason, worst=worst)
+    found = replace(found, **_farthest(computed, stored), reason=reason)
+    far = bool(found.where) and not found.difference <= found.tolerance
+    return replace(found, verdict=DIFFERS if far or reason else SAME)
 
 
 def _unlike(computed: History, stored: History) -> str:
@@ -219,58 +227,13 @@ def _changes(before: Sequence[str], now: Sequence[str]) -> str:
     return f"stored with {', '.join(gone) or 'less'}; now {', '.join(come) or 'less'}"
 
 
-def _worst(computed: History, stored: Baseline) -> Worst:
+def _farthest(computed: History, stored: History) -> dict[str, Any]:
     """The sample farthest off in units of its tolerance; what is no number is farther than all others."""
-    difference = np.abs(computed.frame.to_numpy() - stored.history.frame.to_numpy())
+    difference = np.abs(computed.frame.to_numpy() - stored.frame.to_numpy())
+    if not difference.size:
+        return {}
     tolerance = np.array([stored.tolerances[quantity_of(c)].value for c in computed.frame])
     parts = np.nan_to_num(difference / tolerance, nan=np.inf)
-    i, k = np.unravel_index(int(parts.argmax()), parts.shape)
-    column = str(computed.frame.columns[int(k)])
-    return Worst(column, float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
-
-
-def _unasked(tasks: Sequence[Task], baselines: Path, file: str) -> tuple[Finding, ...]:
-    """Stored histories without a task: something is no longer checked. Those of other files are not asked for here."""
-    asked, found = {task.path(baselines) for task in tasks}, []
-    for path in sorted(set(baselines.glob("*/*/*.csv")) - asked):
-        try:
-            owner = read_baseline(path).file
-        except CheckError:
-            continue
-        if owner in ("", file):
-            name = path.relative_to(baselines).with_suffix("").as_posix()
-            found.append(Finding(name, UNASKED, f"no run asks for {path}; delete it, or ask for it"))
-    return tuple(found)
-
-
-# --- storing -------------------------------------------------------------------------------------------------
-
-
-def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and store what is new or differs; OutputError at once, if the directory cannot be written.
-
-    A history within its tolerance is left as it is, and a run that is not whole is not stored.
-    """
-    check_writable(baselines, "--baselines")
-    return ((_renewed(task, baselines, file),) for task in tasks)
-
-
-def _renewed(task: Task, baselines: Path, file: str) -> Finding:
-    """Store a run's history if it is new or differs."""
-    status, computed = answered(task)
-    path, before = task.path(baselines), _own(task, status, computed, baselines)
-    if computed is None:
-        return before
-    if before.verdict == SAME:
-        return replace(before, verdict=UNCHANGED)
-    if before.verdict == UNREADABLE and not is_ours(path):
-        return replace(before, reason=f"{before.reason}; it is not overwritten: move it away")
-    if not np.isfinite(computed.frame.to_numpy()).all():
-        return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
-    try:
-        stored = measured(task, computed)
-    except CheckError as error:
-        return Finding(task.name, FAILED, str(error))
-    write_baseline(path, task, replace(stored, file=file))
-    new = before.verdict == MISSING
-    return replace(before, verdict=NEW if new else RENEWED, reason="" if new else before.reason)
+    i, k = map(int, np.unravel_index(int(parts.argmax()), parts.shape))
+    where, time = str(computed.frame.columns[k]), float(computed.t[i])
+    return {"difference": difference[i, k], "tolerance": tolerance[k], "where": where, "time": time}

@@ -3,19 +3,16 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from math import ceil
-from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from studies.engine.files import file_name
-from studies.engine.meshes import by_beam, parts_of
+from studies.engine.meshes import by_beam, longest_step, parts_of
 from studies.regression.scenes import TIGHT, Motion, Static, Watch
 
-#: Elements of the longest beam; steps of a run at least, and between outputs.
-ELEMENTS, STEPS, EVERY = 4, 50, 4
-#: Samples of a stored history at most.
-SAMPLES = 20
+#: Elements of the longest beam, steps between outputs, and samples of a stored history at most.
+ELEMENTS, EVERY, SAMPLES = 4, 4, 20
 #: The solvers compared: a feature that one of them lacks is reported, and is no failure.
 SOLVERS = ("anctmm", "global-dae")
 
@@ -27,28 +24,20 @@ def watches_of(
 
     `mesh` has elements of each beam, or one number for all; StudyError if it does not fit. `dt` is a step, s.
     """
-    return tuple(
-        Watch(
-            replace(case.scene, name=file_name(case.name)),
-            tuple(case.probes),
-            {"cable": _run(case, mesh, dt)},
-            SOLVERS,
-        )
-        for case in cases
-    )
+    scenes = ((case, replace(case.scene, name=file_name(case.name))) for case in cases)
+    return tuple(Watch(s, tuple(c.probes), {"cable": _run(c, mesh, dt)}, SOLVERS) for c, s in scenes)
 
 
-def _run(case: Case, mesh: tuple[int, ...] | None, dt: float | None) -> Motion:
-    by_beam = _mesh(case.scene, mesh)
+def _run(case: Case, given: tuple[int, ...] | None, dt: float | None) -> Motion:
+    mesh = _mesh(case.scene, given)
     if case.static:
-        return Static(by_beam)
+        return Static(mesh)
     outputs = round(case.duration / case.interval)
     few = next(k for k in range(1, outputs + 1) if outputs % k == 0 and outputs // k <= SAMPLES)
-    least = STEPS / outputs * (1.0 - 1e-9)
-    parts = next(n * 10**k for k in range(9) for n in (1, 2, 5) if n * 10**k >= least)  # easy to read
-    step = case.interval / (EVERY * parts) if dt is None else dt
-    times: dict[str, Any] = {"dt": step, "t_end": case.duration, "output_dt": few * case.interval}
-    return Discretisation(by_beam, newton_tolerance=TIGHT, **times)
+    step = longest_step(case) / EVERY if dt is None else dt
+    return Discretisation(
+        mesh, newton_tolerance=TIGHT, dt=step, t_end=case.duration, output_dt=few * case.interval
+    )
 
 
 def _mesh(scene: Scene, given: tuple[int, ...] | None) -> int | dict[str, int]:

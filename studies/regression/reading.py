@@ -1,47 +1,43 @@
 """What a task finds: its run, and the few numbers of it that are stored."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 import anctmm as at
 from anctmm.errors import AnctmmError, PluginError, ResultError, UnknownSolverError, shown
 from anctmm.model.connectors import RotationalSpring
-from anctmm.model.rigid_bodies import RigidBody
-from anctmm.model.scene import Beam, Probe
+from anctmm.model.scene import Probe
 from anctmm.results.metrics import common_times, rounding_at
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
-from studies.regression.history import History, label
+from studies.regression.history import History, label, samples
 from studies.regression.readable import SOLVERS as READABLE
 from studies.regression.scenes import (
-    ARC_LENGTH,
-    Compared,
-    Forces,
-    Frequencies,
-    FromRest,
+    COMPARED,
+    FORCES,
+    FROM_REST,
+    MODES,
     Motion,
-    StartVelocities,
+    Read,
     Static,
     Task,
     motions_of,
+    settings_of,
 )
 
 Array = NDArray[np.float64]
 #: Heads of columns with their values, (n,) each.
 Columns = Iterator[tuple[str, Array]]
 
-ENERGIES = {
-    "kinetic": "kinetic energy", "strain": "strain energy", "potential": "potential energy", "work": "work",
-}  # fmt: skip
 #: Angle, rad, below which a place at rest does not turn.
 TURNED = 1e-6
 #: Part of the largest frequency below which growth rates are rounding.
@@ -68,53 +64,53 @@ def answered(task: Task) -> tuple[Status, History | None]:
         return Status("absent", str(error)), None
     except AnctmmError as error:
         status = Status("refused", f"{type(error).__name__}: {error}")
-        history = _empty("t (s)", f"refused, {type(error).__name__}")
+        history = History(samples(np.empty(0), "t (s)", {}), 0, f"refused, {type(error).__name__}")
     except Exception as error:  # one broken solver must not end a check
         return Status("failed", f"{type(error).__name__}: {error}"), None
-    return status, history if status.code == task.ends else None
-
-
-def _empty(axis: str, ending: str) -> History:
-    """Of a run without outputs."""
-    return History.of(np.empty(0), axis, {}, 0, ending)
+    if history is None or status.code != task.ends:
+        return status, None
+    return status, replace(history, settings=settings_of(task.run))
 
 
 def _run(task: Task) -> tuple[Status, History | None]:
     """How the run of a task ended, and its history; None where it did not end as it must."""
-    run = task.run
-    if isinstance(run, StartVelocities):
-        return Status(), _table("body", _velocities(at.consistent_velocities(task.scene)))
-    if isinstance(run, Frequencies):
+    run, what = task.run, getattr(task.run, "what", "")
+    if isinstance(run, Read) and what == MODES:
         return Status(), _table("mode", _modes(task, run))
     solutions = [solution_of(task, one) for one in motions_of(run)]
     status = next((s.status for s in solutions if not s.status.ok), Status())
     if status.code != task.ends:
         return status, None
     found = solutions[0]
-    if isinstance(run, Compared):
-        return status, _table("probe", _comparison(task, *solutions))
-    if isinstance(run, Static) and run.path == ARC_LENGTH:
-        return status, _table("limit point", _limits(task, found))
-    columns = _forces(_saved(found)) if isinstance(run, Forces) else _motion(task, found)
+    if what == COMPARED:
+        comparison = at.compare(found, solutions[1], task.probes)
+        errors = np.array([comparison.error, comparison.largest, *comparison.by_probe.values()])
+        return status, _table("probe", iter([(label("relative error"), errors)]))
+    columns = _forces(_saved(found)) if what == FORCES else _motion(task, found)
     return status, _history(motions_of(run)[0], found, columns)
 
 
 def solution_of(task: Task, run: Motion) -> Solution:
     """The solution of a run by the solver of a task; raises whatever the solver raises."""
-    name, options = task.solver, dict(task.options)
+    name, options = task.solver, dict[str, Any]()
     solver = READABLE[name] if name in READABLE else registry.solver(name)
     if isinstance(run, Static):
-        options |= {} if run.path == "load" else {"path": run.path}
         static = registry.static_of(name, solver)
         answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
     else:
-        if isinstance(task.run, FromRest):
+        if getattr(task.run, "what", "") == FROM_REST:
             still = Static(run.mesh, run.element, run.quadrature, run.newton_tolerance)
             options["start"] = registry.static_of(name, solver)(task.scene, still.discretisation)
         answer = solver(task.scene, run, **options)
     if not isinstance(answer, Solution):
         raise TypeError(f"solver {name!r} answers {shown(answer)}; a Solution is needed")
     return answer
+
+
+def _table(axis: str, columns: Columns) -> History:
+    """A history whose samples are numbered."""
+    values = dict(columns)
+    return History(samples(np.arange(float(len(next(iter(values.values()))))), axis, values))
 
 
 # --- histories of a motion -----------------------------------------------------------------------------------
@@ -127,36 +123,33 @@ def _history(run: Motion, found: Solution, columns: Columns) -> History:
     words = [status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)]
     ending = "" if status.ok else ", ".join(words)
     if len(found.t) < 2:  # a run that ended before its first output has only a status
-        return _empty(axis, ending)
+        return History(samples(np.empty(0), axis, {}), 0, ending)
     times = (
         np.linspace(0.0, 1.0, run.load_steps + 1) if isinstance(run, Static) else run.times(run.output_steps)
     )
     mine, _ = common_times(found.t, times)
     values = {head: series[mine] for head, series in columns}
-    return History.of(found.t[mine], axis, values, found.cost.newton_iterations, ending)
+    return History(samples(found.t[mine], axis, values), found.cost.newton_iterations, ending)
 
 
 def _motion(task: Task, found: Solution) -> Columns:
-    """Displacements of the probes, angles of those that turn in place, and the energies that the solver gives.
-
-    An energy that is zero throughout (kinetic in statics) or that the solver does not give is left out.
-    """
+    """Displacements of the probes, angles of those that turn in place, and the energies that the solver gives."""
     for probe in task.probes:
         body, key = found.scene.probe(probe)
         where = f"{body} at {key if isinstance(key, str) else f'{key:g}'}"
         yield from _vector("displacement", where, found.displacement(probe))
         if (angle := _turned_in_place(found, probe)) is not None:
             yield label("angle", where), angle
-    for name, quantity in ENERGIES.items():
-        series = getattr(found.energy, name)
-        if np.any(series != 0.0) and np.isfinite(series).all():
-            yield label(quantity), series
+    energy = found.energy
+    yield from _given("kinetic energy", energy.kinetic)
+    yield from _given("strain energy", energy.strain)
+    yield from _given("potential energy", energy.potential)
+    yield from _given("work", energy.work)
 
 
 def _turned_in_place(found: Solution, probe: Probe) -> Array | None:
     """Angle of a place that rests and turns, such as an axle, rad; displacements and energies do not tell its sense."""
-    way = np.linalg.norm(found.displacement(probe), axis=1).max(initial=0.0)
-    if way > rounding_at(found, probe):
+    if np.linalg.norm(found.displacement(probe), axis=1).max(initial=0.0) > rounding_at(found, probe):
         return None
     try:
         angle = found.angle(probe)
@@ -168,6 +161,12 @@ def _turned_in_place(found: Solution, probe: Probe) -> Array | None:
 def _vector(quantity: str, where: str, series: Array) -> Columns:
     for direction, values in zip("xy", series.T, strict=True):
         yield label(quantity, f"{where} {direction}"), values
+
+
+def _given(quantity: str, series: Array) -> Columns:
+    """An energy, unless it is zero throughout (kinetic in statics) or the solver does not give it."""
+    if np.any(series != 0.0) and np.isfinite(series).all():
+        yield label(quantity), series
 
 
 # --- what users read besides -----------------------------------------------------------------------------------
@@ -195,61 +194,17 @@ def _forces(found: Solution) -> Columns:
             yield label("section force", f"Q {where}"), force[:, 1]
             yield label("section moment", where), force[:, 2]
     for k, connector in enumerate(found.scene.connectors):
-        turning = isinstance(connector, RotationalSpring)
-        quantity = "spring moment" if turning else "tension"
+        quantity = "spring moment" if isinstance(connector, RotationalSpring) else "tension"
         yield label(quantity, f"connector {k}"), found.tension(connector)
-    lost = found.energy.dissipated
-    if np.any(lost != 0.0) and np.isfinite(lost).all():
-        yield label("dissipated energy"), lost
+    yield from _given("dissipated energy", found.energy.dissipated)
 
 
-def _limits(task: Task, found: Solution) -> Columns:
-    """Load factors at the limit points of a path and at its end, with the displacements of the probes there.
-
-    Where the path's points lie depends on rounding; a cubic spline over the length of the path does not.
-    """
-    moved = np.column_stack([found.displacement(probe) for probe in task.probes])
-    moved_by = np.linalg.norm(np.diff(moved, axis=0), axis=1)
-    length = np.concatenate([[0.0], np.cumsum(moved_by)])
-    load = CubicSpline(length, found.t)
-    turns = [s for s in load.derivative().roots(extrapolate=False) if 0.0 < s < length[-1]]
-    places = np.array([*turns, length[-1]])
-    yield label("load factor"), load(places)
-    for probe in task.probes:
-        where = " at ".join(map(str, found.scene.probe(probe)))
-        yield from _vector("displacement", where, CubicSpline(length, found.displacement(probe))(places))
-
-
-def _modes(task: Task, run: Frequencies) -> Columns:
-    rest = solution_of(task, run.run) if run.at_rest else None
-    found = at.modes(task.scene, run.run.discretisation, count=run.count, about=rest, spin=run.spin)
+def _modes(task: Task, read: Read) -> Columns:
+    """Six natural modes about the equilibrium, or in a steady spin."""
+    (run,) = read.runs
+    assert isinstance(run, Static)
+    rest = None if read.spin else solution_of(task, run)
+    found = at.modes(task.scene, run.discretisation, count=6, about=rest, spin=read.spin)
     yield label("frequency"), found.frequencies
     if np.abs(found.growth_rates).max() > GROWING * np.abs(found.frequencies).max():
         yield label("growth rate"), found.growth_rates
-
-
-def _velocities(scene: at.Scene) -> Columns:
-    """Of each body at its start or centre, and its spin; of a beam that of the line between its ends."""
-    velocities, spins = [], []
-    for body in scene.bodies:
-        if isinstance(body, Beam):
-            start, end = (np.array(body.velocity(f)) if body.velocity else np.zeros(2) for f in (0.0, 1.0))
-            along = np.subtract(body.end, body.start) / body.length
-            velocities.append(start)
-            spins.append((along[0] * (end - start)[1] - along[1] * (end - start)[0]) / body.length)
-        else:
-            velocities.append(np.array(body.velocity))
-            spins.append(body.spin if isinstance(body, RigidBody) else 0.0)
-    yield from _vector("velocity", "of the body", np.array(velocities))
-    yield label("spin", "of the body"), np.array(spins)
-
-
-def _comparison(task: Task, one: Solution, other: Solution) -> Columns:
-    found = at.compare(one, other, task.probes)
-    yield label("relative error"), np.array([found.error, found.largest, *found.by_probe.values()])
-
-
-def _table(axis: str, columns: Columns) -> History:
-    """A history whose samples are numbered."""
-    values = dict(columns)
-    return History.of(np.arange(float(len(next(iter(values.values()))))), axis, values)

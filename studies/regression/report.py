@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import pandas as pd
@@ -20,44 +19,25 @@ NOTES = (
     "history with its reason.",
     "against: whose stored history; a peer of the same equations is also compared with ours, within both tolerances.",
 )
-COLUMNS = (
-    "scene", "run", "solver", "against", "difference", "tolerance", "where", "time", "verdict", "reason",
-)  # fmt: skip
+OUTCOMES = {NOT_RUN: "skipped", FAILED: "error"}
+COLUMNS = ["against", "difference", "tolerance", "where", "time", "verdict", "reason"]
 
 
 def frame_of(findings: Sequence[Finding]) -> pd.DataFrame:
     """A row a comparison."""
-    rows = []
-    for f in findings:
-        names = zip(("scene", "run", "solver"), f.name.split("/"), strict=True)
-        row: dict[str, Any] = {**dict(names), "against": f.against, "verdict": f.verdict, "reason": f.reason}
-        if w := f.worst:
-            row |= {"difference": w.difference, "tolerance": w.tolerance, "where": w.column, "time": w.time}
-        rows.append(row)
-    return pd.DataFrame(rows, columns=COLUMNS)
+    names = pd.DataFrame([f.name.split("/") for f in findings], columns=["scene", "run", "solver"])
+    return names.join(pd.DataFrame([{c: getattr(f, c) for c in COLUMNS} for f in findings]))
 
 
 def show(findings: Sequence[Finding], console: Console) -> None:
     """Print the table, the reasons of all that is not simply the same, and the count of each verdict."""
-    lines = []
-    for f in findings:
-        numbers = ["", "", ""]
-        if w := f.worst:
-            where = f"{w.column.removesuffix(f' ({w.unit})')}, {w.time:.4g}"
-            numbers = [f"{w.difference:.1e} {w.unit}", f"{w.tolerance:.1e} {w.unit}", where]
-        lines.append((f.title, *numbers, f.verdict))
-    show_frame(
-        console, "", pd.DataFrame(lines, columns=["run", "difference", "tolerance", "where", "verdict"])
-    )
-    for f in findings:
-        if f.reason:
-            say(console, f"{f.title}: {f.reason}", _style(f))
+    frame = frame_of(findings).assign(run=[f.title for f in findings])
+    show_frame(console, "", frame[["run", "difference", "tolerance", "where", "time", "verdict"]])
+    for f in (f for f in findings if f.reason):
+        style = "yellow" if f.verdict == NOT_RUN else "green" if f.good else "bold red"
+        say(console, f"{f.title}: {f.reason}", style)
     counts = pd.Series([f.verdict for f in findings]).value_counts(sort=False)
     say(console, ", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
-
-
-def _style(f: Finding) -> str:
-    return "yellow" if f.verdict == NOT_RUN else "green" if f.good else "bold red"
 
 
 def write_check(findings: Sequence[Finding], folder: Path) -> None:
@@ -67,7 +47,7 @@ def write_check(findings: Sequence[Finding], folder: Path) -> None:
     for old in folder.glob("*--*.svg"):
         old.unlink()
     for f in findings:
-        if f.verdict == DIFFERS and f.worst is not None:
+        if f.verdict == DIFFERS and f.where:
             name = f.title.replace("/", "--").replace(" ", "-")
             write_picture(picture(name, f.title, lambda figure, f=f: _draw(f, figure)), folder)  # type: ignore[misc]
 
@@ -77,7 +57,9 @@ def junit(findings: Sequence[Finding]) -> str:
     xml = ElementTree.Element("testsuites", name="anctmm check")
     for scene, group in groupby(findings, key=lambda f: f.name.split("/")[0]):
         cases = list(group)
-        outcomes = [_outcome(f) for f in cases]
+        outcomes = [
+            "" if f.good and f.verdict != NOT_RUN else OUTCOMES.get(f.verdict, "failure") for f in cases
+        ]
         counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
         number = {k: str(outcomes.count(v)) for k, v in counts.items()} | {"tests": str(len(cases))}
         suite = ElementTree.SubElement(xml, "testsuite", {"name": scene, **number})
@@ -86,24 +68,23 @@ def junit(findings: Sequence[Finding]) -> str:
             about = {"name": title, "classname": f"{scene}.{run}", "time": f"{f.wall_s:.3f}"}
             case = ElementTree.SubElement(suite, "testcase", about)
             if outcome:
-                text = "".join(c if c.isprintable() else " " for c in f"{f.verdict}: {f.reason}; {f.worst}")
+                sizes = (
+                    f"{f.where} differs by {f.difference:.2g}, allowed are {f.tolerance:.2g}"
+                    if f.where
+                    else ""
+                )
+                text = "".join(c if c.isprintable() else " " for c in f"{f.verdict}: {f.reason}; {sizes}")
                 ElementTree.SubElement(case, outcome, message=text, type=f.verdict)
     return ElementTree.tostring(xml, encoding="unicode", xml_declaration=True)
 
 
-def _outcome(f: Finding) -> str:
-    if f.verdict == NOT_RUN:
-        return "skipped"
-    return "" if f.good else "error" if f.verdict == FAILED else "failure"
-
-
 def _draw(f: Finding, figure: Figure) -> None:
     """The column that is farthest off, less the stored one, between its tolerances."""
-    assert f.computed and f.stored and f.worst  # noqa: PT018
-    now, before = (frame[f.worst.column] for frame in (f.computed.frame, f.stored.history.frame))
-    title, label = (text.replace("$", r"\$") for text in (f.title, f.worst.column))  # no mathematics
+    assert f.computed and f.stored  # noqa: PT018
+    now, before = f.computed.frame[f.where], f.stored.frame[f.where]
+    title, label = (text.replace("$", r"\$") for text in (f.title, f.where))  # no mathematics
     axes = figure.subplots()
-    axes.axhspan(-f.worst.tolerance, f.worst.tolerance, color="tab:green", alpha=0.3, label="tolerance")
+    axes.axhspan(-f.tolerance, f.tolerance, color="tab:green", alpha=0.3, label="tolerance")
     axes.plot(now.index, now.to_numpy() - before.to_numpy(), "o-", label="computed − stored")
     axes.set(title=title, xlabel=now.index.name, ylabel=label)
     axes.legend()

@@ -2,23 +2,20 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, shown
 from anctmm.model.scene import Probe, Scene
-from anctmm.validation import one_of, whole
+from anctmm.validation import whole
 from studies.user_files import defined_in
 
 #: Names of scenes, runs and solvers become names of directories and files.
 PLAIN = re.compile(r"\w[\w.+-]*")
 #: Newton tolerance of stored runs: a looser one makes wide tolerances.
 TIGHT = 1e-12
-#: How equilibria are followed.
-ARC_LENGTH = "arclength"
-PATHS = ("load", ARC_LENGTH)
 MOST_STEPS = 1000
 #: Settings of a run that are always listed; others only if they differ from the default.
 ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
@@ -41,8 +38,6 @@ class Static:
         As in Discretisation.
     load_steps : int
         Equal parts of the load; a sample after each.
-    path : str
-        "load", or "arclength": the limit points of the path of equilibria, and its end.
     """
 
     mesh: Any
@@ -50,10 +45,8 @@ class Static:
     quadrature: str = "full"
     newton_tolerance: float = TIGHT
     load_steps: int = 4
-    path: str = "load"
 
     def __post_init__(self) -> None:
-        one_of("path of a Static", self.path, PATHS)
         whole("load_steps", self.load_steps, MOST_STEPS, CheckError)
         _ = self.discretisation
 
@@ -66,82 +59,50 @@ class Static:
 
 
 Motion = Discretisation | Static
+#: Kinds of `Read`, as they stand in the settings of stored histories.
+FROM_REST, FORCES, COMPARED, MODES = "start=rest", "forces", "compared with", "modes"
 
 
 @dataclass(frozen=True)
-class FromRest:
-    """A motion that starts from the static equilibrium of its scene, under the loads of t = 0."""
+class Read:
+    """A run of which something else than its motion is read.
 
-    run: Discretisation
+    Parameters
+    ----------
+    what : str
+        FROM_REST: the motion from the static equilibrium under the loads of t = 0. FORCES: reactions, section forces
+        and tensions, after the run was saved and loaded. COMPARED: `anctmm.compare` of two runs, the second one the
+        reference. MODES: natural ones about the equilibrium, or in a steady spin.
+    runs : tuple
+    spin : float
+        rad/s.
+    """
 
-
-@dataclass(frozen=True)
-class Forces:
-    """Reactions, section forces and tensions of a run, read after it has been saved and loaded."""
-
-    run: Motion
-
-
-@dataclass(frozen=True)
-class Compared:
-    """`anctmm.compare` of two runs, the second one the reference."""
-
-    run: Motion
-    reference: Motion
-
-
-@dataclass(frozen=True)
-class Frequencies:
-    """Natural modes about the start, about the equilibrium of `run` (at_rest), or in a steady spin (rad/s)."""
-
-    run: Static
-    count: int = 6
-    at_rest: bool = False
+    what: str
+    runs: tuple[Motion, ...]
     spin: float = 0.0
 
 
-@dataclass(frozen=True)
-class StartVelocities:
-    """Rigid velocities that are consistent with joints and drives."""
-
-
-Run = Motion | FromRest | Forces | Compared | Frequencies | StartVelocities
+Run = Motion | Read
 
 
 def motions_of(run: Run) -> tuple[Motion, ...]:
     """The motions and equilibria within a run."""
-    if isinstance(run, Discretisation | Static):
-        return (run,)
-    return tuple(part for part in (getattr(run, f.name) for f in fields(run)) if isinstance(part, Motion))
-
-
-def iterations_of(run: Run) -> tuple[Motion, ...]:
-    """The runs within a run that have a Newton iteration."""
-    if isinstance(run, Frequencies) and not (run.at_rest or run.spin):
-        return ()
-    return tuple(one for one in motions_of(run) if isinstance(one, Static) or not one.explicit)
+    return run.runs if isinstance(run, Read) else (run,)
 
 
 def settings_of(run: Run) -> str:
     """A run in words: a history is compared with one of the same settings only."""
-    inside = [settings_of(part) for part in motions_of(run) if part is not run]
-    match run:
-        case FromRest():
-            return f"start=rest, {inside[0]}"
-        case Forces():
-            return f"forces, {inside[0]}"
-        case Compared():
-            return ", compared with, ".join(inside)
-        case Frequencies():
-            return f"modes={run.count}, at_rest={run.at_rest}, spin={run.spin:g}, {inside[0]}"
-        case StartVelocities():
-            return "consistent velocities"
-    found = {
-        f.name: getattr(run, f.name)
+    if isinstance(run, Read):
+        what = f"modes=6, at_rest={not run.spin}, spin={run.spin:g}" if run.what == MODES else run.what
+        parts = [*map(settings_of, run.runs)]
+        parts.insert(len(parts) // 2, what)  # between two runs, before one
+        return ", ".join(parts)
+    return ", ".join(
+        f"{f.name}={_words(getattr(run, f.name))}"
         for f in fields(run)
         if f.init and (f.name in ALWAYS or f.default is MISSING or getattr(run, f.name) != f.default)
-    }
-    return ", ".join(f"{name}={_words(value)}" for name, value in found.items())
+    )
 
 
 def _words(value: Any) -> str:
@@ -190,9 +151,8 @@ class Watch:
             raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
         whose = f"of {self.scene.name!r}"
         for name, kind in (("probes", list | tuple), ("solvers", list | tuple), ("runs", Mapping)):
-            value = getattr(self, name)
+            value, what = getattr(self, name), "mapping" if name == "runs" else "list"
             if not isinstance(value, kind) or not value:
-                what = "mapping" if name == "runs" else "list"
                 raise CheckError(
                     f"Watch {whose} has {name} {shown(value)}; a {what} of at least one is needed"
                 )
@@ -206,16 +166,13 @@ class Watch:
                 raise CheckError(
                     f"name {shown(name)} {whose} becomes a file's; letters, digits, _ . + - are needed"
                 )
-        for body in self.scene.bodies:
-            if "," in body.name or not body.name.isprintable():
-                raise CheckError(f"body name is {body.name!r}; no comma and no control character is allowed")
         for probe in self.probes:
             self.scene.probe(probe)
 
 
 @dataclass(frozen=True)
 class Task:
-    """One solver's run of one watched scene; `options` are further arguments of the solver."""
+    """One solver's run of one watched scene."""
 
     scene: Scene
     probes: tuple[Probe, ...]
@@ -223,17 +180,11 @@ class Task:
     run: Run
     solver: str
     ends: str = "ok"
-    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """scene/run/solver: also its place below the baselines."""
         return f"{self.scene.name}/{self.run_name}/{self.solver}"
-
-    @property
-    def settings(self) -> str:
-        """The run in words."""
-        return settings_of(self.run)
 
     def path(self, baselines: Path) -> Path:
         """The file of its stored history."""

@@ -11,7 +11,7 @@ MARGIN, is the tolerance. It stands in the file with its reason, so that one tha
 """
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from math import cos, hypot, sin
 from typing import Any
 
@@ -20,9 +20,9 @@ import pandas as pd
 
 from anctmm.model.scene import Beam
 from studies.engine.other_numbers import Change
-from studies.regression.history import UNITS, Baseline, History, Tolerance
+from studies.regression.history import UNITS, History, Tolerance
 from studies.regression.reading import answered
-from studies.regression.scenes import ARC_LENGTH, CheckError, Static, Task, iterations_of
+from studies.regression.scenes import CheckError, Read, Static, Task, motions_of
 
 #: Angles by which a scene is turned, rad.
 ANGLES = (0.7, 2.0, 4.1)
@@ -34,62 +34,62 @@ EPSILON = 4.0 * float(np.finfo(float).eps)
 LOOSER, LOOSEST = 10.0, 1e-2
 ROUNDING, ITERATION = "rounding (scene turned)", f"iteration ({LOOSER:g} x looser)"
 LOAD_STEPS = "iteration (twice the load steps)"
-#: Exudyn bounds residuals, relative and absolute (N): its own are 1e-7 and, where rounding allows it, 1e-9; in
-#: statics 1e-10, which is taken as the least one iteration leaves.
-EXUDYN, EXUDYN_STATIC = {"tolerances": (1e-6, 1e-7)}, 1e-10
+#: Exudyn bounds residuals and not positions; what that leaves of them, relative.
+EXUDYN = 1e-8
 
 
-def measured(task: Task, history: History) -> Baseline:
+def measured(task: Task, history: History) -> History:
     """A history with the tolerance of every quantity; CheckError if a run that measures it fails.
 
     What the end of a run names that depends on rounding, such as one of two equal elements, is left out.
     """
-    moved: dict[str, dict[str, float]] = {quantity: {} for quantity in history.quantities}
+    bounds = _bounds(task)
+    cause, relative = ("one iteration's bound" if bounds else "one rounding"), max([EPSILON, *bounds])
+    moved = {q: {cause: relative * _scale(task, history, q)} for q in history.quantities}
     ending = history.ending.split(", ")
     for cause, angle, other in _disturbed(task):
         status, found = answered(other)
         if found is None:
             raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {status}")
-        shared = [
-            np.isclose(t, history.t, rtol=1e-9, atol=1e-12).any() for t in found.t
-        ]  # of more load steps
-        frame = _turned_back(found.frame[np.array(shared, dtype=bool)], angle)
+        common = np.isclose(found.t[:, None], history.t, rtol=1e-9, atol=1e-12).any(axis=1)
+        frame = _turned_back(found.frame.iloc[np.flatnonzero(common)], angle)
         if list(frame) != list(history.frame) or len(frame) != len(history.frame):
             raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
         ending = [part for part in ending if part in found.ending.split(", ")]
         for quantity, by_cause in moved.items():
             difference = History(frame).of_quantity(quantity) - history.of_quantity(quantity).to_numpy()
             by_cause[cause] = max(by_cause.get(cause, 0.0), float(difference.abs().to_numpy().max()))
-    cause, relative = _least(task)
     tolerances = {}
     for quantity, by_cause in moved.items():
-        by_cause[cause] = relative * _scale(task, history, quantity)
         causes = ", ".join(f"{name} {distance:.1e}" for name, distance in by_cause.items())
         reason = f"{MARGIN:g} times the largest of: {causes}"
         tolerances[quantity] = Tolerance(MARGIN * max(by_cause.values()), reason)
-    return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)))
+    return replace(history, tolerances=tolerances, ending=", ".join(ending))
 
 
 def _disturbed(task: Task) -> Iterator[tuple[str, float, Task]]:
     """Cause, angle by which the scene is turned, and task of the runs that measure the sensitivity."""
     for angle in ANGLES:
         yield ROUNDING, angle, replace(task, scene=Change(turn=angle).scene(task.scene))
-    run, static = task.run, isinstance(task.run, Static)
-    if task.ends != "ok" or (isinstance(run, Static) and run.path == ARC_LENGTH):
+    if task.ends != "ok":
         return  # another tolerance may well end it elsewhere
-    if isinstance(run, Static):
-        yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps))
-    exudyn = task.solver.startswith("exudyn")
-    if iterations_of(run) and not (exudyn and static):
-        yield ITERATION, 0.0, replace(task, options=EXUDYN) if exudyn else replace(task, run=_looser(run))
+    if isinstance(task.run, Static):
+        yield LOAD_STEPS, 0.0, replace(task, run=replace(task.run, load_steps=2 * task.run.load_steps))
+    if _bounds(task) and not task.solver.startswith("exudyn"):
+        yield ITERATION, 0.0, replace(task, run=_looser(task.run))
+
+
+def _bounds(task: Task) -> list[float]:
+    """Bounds of the Newton iterations within a run, relative."""
+    runs = [r for r in motions_of(task.run) if isinstance(r, Static) or not r.explicit]
+    return [EXUDYN if task.solver.startswith("exudyn") else run.newton_tolerance for run in runs]
 
 
 def _looser(run: Any) -> Any:
     """A run, or a run of runs, whose Newton iterations stop earlier."""
-    if hasattr(run, "newton_tolerance"):
-        return replace(run, newton_tolerance=min(LOOSER * run.newton_tolerance, LOOSEST))
-    inside = {f.name: getattr(run, f.name) for f in fields(run)}
-    return replace(run, **{k: _looser(v) for k, v in inside.items() if hasattr(v, "newton_tolerance")})
+    if isinstance(run, Read):
+        return replace(run, runs=tuple(map(_looser, run.runs)))
+    return replace(run, newton_tolerance=min(LOOSER * run.newton_tolerance, LOOSEST))
 
 
 def _turned_back(frame: pd.DataFrame, angle: float) -> pd.DataFrame:
@@ -102,15 +102,6 @@ def _turned_back(frame: pd.DataFrame, angle: float) -> pd.DataFrame:
     return frame
 
 
-def _least(task: Task) -> tuple[str, float]:
-    """The smallest possible tolerance of a history, relative: one rounding, or the bound of one Newton iteration."""
-    bounds = [run.newton_tolerance for run in iterations_of(task.run)]
-    if not bounds:
-        return "one rounding", EPSILON
-    bound = EXUDYN_STATIC if task.solver.startswith("exudyn") else max(bounds)
-    return "one iteration's bound", max(bound, EPSILON)
-
-
 def _scale(task: Task, history: History, quantity: str) -> float:
     """The size of a quantity: of displacements the farthest place of the scene, whose position is rounded.
 
@@ -119,8 +110,6 @@ def _scale(task: Task, history: History, quantity: str) -> float:
     same_unit = [q for q in history.quantities if UNITS[q] == UNITS[quantity]]
     largest = float(np.abs(history.of_quantity(*same_unit).to_numpy()).max(initial=0.0))
     if quantity == "displacement":
-        keys: list[tuple[Any, Any]] = [
-            (b, k) for b in task.scene.bodies for k in ((0.0, 1.0) if isinstance(b, Beam) else b.keys)
-        ]
-        return max(hypot(*body.position_at(key)) for body, key in keys) + largest or 1.0
+        keys = ((b, k) for b in task.scene.bodies for k in ((0.0, 1.0) if isinstance(b, Beam) else b.keys))
+        return max(hypot(*body.position_at(key)) for body, key in keys) + largest or 1.0  # type: ignore[arg-type]
     return 1.0 + largest if quantity == "angle" else largest or 1.0

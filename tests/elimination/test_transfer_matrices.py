@@ -19,7 +19,6 @@ from anctmm.elimination.transfer import (
     riccati_step,
     weld_transfer,
 )
-from anctmm.errors import SolverError
 from anctmm.integrators.starting import balance
 from anctmm.integrators.state import new_state
 from anctmm.system.system import System
@@ -171,29 +170,3 @@ def test_plain_product_loses_its_digits_within_nine_elements_and_riccati_keeps_t
     assert max(both.error(accelerations_riccati) for both in rows) < 1e-9
     long = Both(loaded("free", [("pin", 0.5)], "pin", [5.0] * 2), kind, 50)
     assert long.error(accelerations_riccati) < 1e-9
-
-
-SCENE = loaded("pin", [("pin", 0.5), ("weld", 0.5)], "free")
-BODIES, JOINTS_OF = SCENE.bodies, SCENE.joints
-REFUSED = {
-    "spring": at.Scene("no", BODIES, JOINTS_OF, connectors=[at.Spring("b0.end", (0, 1), stiffness=1.0)]),
-    "follower": at.Scene("no", BODIES, JOINTS_OF, [at.Force("b2.end", (0, 1), follower=True)]),
-    "inside": at.Scene("no", BODIES, JOINTS_OF, [at.Force(("b2", 0.5), (0, 1))]),
-    "apart": at.Scene("no", BODIES, JOINTS_OF[:2]),
-    "other order": at.Scene("no", BODIES[::2] + BODIES[1:2], JOINTS_OF),
-    "grounded": at.Scene("no", BODIES[:2], [at.Pin("b0.end", "b1.start", grounded=True)]),
-    "free stretch": at.Scene("no", BODIES[:1], [at.Clamp("b0.end", stretch="free")]),
-    "point mass": at.Scene("no", [at.PointMass("m", 1.0, (0, 0))]),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_other_scenes_are_refused(name):
-    with pytest.raises(SolverError, match="scene 'no' is no chain for transfer matrices; allowed are beams"):
-        Chain(REFUSED[name], at.Discretisation(2))
-
-
-def test_other_elements_are_refused():
-    for element in ({"b0": "cable", "b1": "shear", "b2": "shear"}, "quintic"):
-        with pytest.raises(SolverError, match=r"beams of one kind of element \(cable or shear\)"):
-            Chain(SCENE, at.Discretisation(2, element))

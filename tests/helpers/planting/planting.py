@@ -144,7 +144,7 @@ def first_seen(only=""):
 
     def slowness(task):
         """Small scenes with other readings first, long ones last."""
-        return "small-" not in task.name or "-long-" in task.name, not hasattr(task.run, "run")
+        return "small-" not in task.name, not hasattr(task.run, "what")
 
     tasks = select(tasks_of(all_watches()), [only] if only else (), ("anctmm",))
     found = (f for findings in check(sorted(tasks, key=slowness), BASELINES) for f in findings)

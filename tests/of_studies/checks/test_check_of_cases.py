@@ -93,18 +93,6 @@ def test_the_sense_in_which_a_resting_probe_turns_is_seen():
     assert (code, "1 differs" in output) == (1, True), output
 
 
-def test_histories_of_another_file_in_the_folder_are_left_to_it():
-    """A case that is removed from a file is noticed beside another file."""
-    for file, scenes in {"one": ["a", "b"], "two": ["c"]}.items():
-        Path(f"{file}.py").write_text(NAMED.format(names=scenes))
-        assert checked(f"{file}.py", "--update")[0] == 0
-    assert checked("one.py")[0] == checked("two.py")[0] == 0
-    Path("one.py").write_text(NAMED.format(names=["a"]))
-    code, output = checked("one.py")
-    assert (code, "2 unasked" in output) == (1, True), output
-    assert checked("two.py")[0] == 0
-
-
 def test_one_case_of_a_file():
     arguments = [PORTAL_FRAME, "--case", "portal-frame-at-rest", "--baselines", "kept", "--solver", "anctmm"]
     assert checked(*arguments, "--update")[0] == 0
