@@ -34,6 +34,10 @@ class _Stored:
         """Where these words stand, for as long as this object lives."""
         return int(self.words.ctypes.data)
 
+    def __reduce__(self: Any) -> Any:
+        """Copies have words of their own."""
+        return type(self), tuple(self)
+
 
 def by_address(kind: T) -> T:
     """Let kernels get a class of named tuples by its address; they cannot set its entries.

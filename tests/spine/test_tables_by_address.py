@@ -1,5 +1,6 @@
 """Tables that kernels get by their address: what they read and write there, and what is refused."""
 
+import pickle
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,9 @@ def test_kernels_read_and_write_nested_tables():
     outer = Outer(Inner(np.arange(3.0), 4), np.ones((2, 3)))
     assert add_up(outer) == 12.0
     assert outer.y.tolist() == [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]
+    copied = pickle.loads(pickle.dumps(outer))
+    assert add_up(copied) == 12.0
+    assert (outer.y[0, 2], copied.y[0, 2]) == (3.0, 5.0)
 
 
 def test_arrays_that_are_not_contiguous_are_refused():
