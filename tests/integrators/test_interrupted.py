@@ -61,7 +61,8 @@ def test_a_run_of_hours_ends_soon_and_keeps_its_history(road, kind, scene_that_i
     found = caught.value.solution
     assert found.status == "interrupted"
     assert found.cost.steps > 0
-    assert found.t.size == 1 + (found.cost.steps - 1) // stride
+    steps = found.cost.steps  # the last one need not have been finished
+    assert found.t.size - 1 in ((steps - 1) // stride, steps // stride)
     both = min(found.t.size, 5)
     assert np.array_equal(some.position("bar", 1.0)[:both], found.position("bar", 1.0)[:both])
 
