@@ -14,7 +14,7 @@ from anctmm.results.metrics import Array
 from anctmm.results.solution import Solution
 from studies.engine.files import file_name
 from studies.engine.study import Picture
-from studies.extremes.base import Base, Part, Row, apart, good, paths, size_of
+from studies.extremes.base import Base, Part, Row, apart, good, largest
 from studies.report.plots import DASHES, legend_below, picture
 
 #: Size of the disturbance at the end of an undisturbed free flight, of the largest displacement.
@@ -37,7 +37,7 @@ def growth(base: Base) -> tuple[Part, float]:
     """Rows of one case, and the factor by which its motion makes a disturbance larger."""
     case, trial = base.case, base.trial
     ours = base.run(trial, "refined run")
-    pushed = replace(trial, scene=_disturbed(case, size_of(paths(ours, case))))
+    pushed = replace(trial, scene=_disturbed(case, largest(ours, case)))
     pairs = {f"push, {trial.solver}": (ours, base.run(pushed, "disturbed"))}
     if base.peer:
         peer = base.run(replace(trial, solver=base.peer), base.peer)
@@ -46,12 +46,11 @@ def growth(base: Base) -> tuple[Part, float]:
     rows: list[Row] = []
     whole: dict[str, Array] = {}
     for what, solutions in pairs.items():
-        bad = next((s for s in solutions if not s.status.ok), None)
-        if bad is None:
+        bad = [solution.status for solution in solutions if not solution.status.ok]
+        if not bad:
             whole[what] = apart(*solutions, case)
-            rows.append(base.row(what=what, **_grown(ours.t, whole[what])))
-        else:
-            rows.append(base.row(bad.status, what=what))
+        grown = {} if bad else _grown(ours.t, whole[what])
+        rows.append(base.row(bad[0] if bad else "ok", what=what, **grown))
     larger = max(1.0, good(rows)[0]["growth"] if good(rows) else 1.0)  # also of NaN
     for row in good(rows):
         row["uncertainty"] = base.rounding * (1.0 if row["what"].startswith("push") else larger)
