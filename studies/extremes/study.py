@@ -2,21 +2,26 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import ceil, isinf, nan
+from math import ceil, isfinite, isinf, log, nan
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from anctmm.model.bodies import Beam
-from anctmm.model.scene import Scene
-from anctmm.results.metrics import EPS
+from anctmm.model.case import Case
+from anctmm.model.drives import History, Pulse
+from anctmm.model.scene import Force, Scene
+from anctmm.results.metrics import EPS, Array
+from anctmm.results.solution import Solution
 from studies.cases import assumptions_of
+from studies.engine.files import file_name
 from studies.engine.other_numbers import Change, changed
 from studies.engine.runner import Runner
-from studies.engine.study import Answer, Options, Result
+from studies.engine.study import Answer, Options, Picture, Result
 from studies.engine.trials import EXPLICIT, MARGIN, explicit_limit
 from studies.extremes.base import NOT_RUN, Base, Part, Row, apart, energy_error, good, largest
-from studies.extremes.growth import growth
+from studies.report.plots import DASHES, legend_below, picture
 
 #: Fixed explicit steps tried, as parts of the stability limit at the start.
 FRACTIONS = (0.5, 0.9, 0.99, 1.05, 1.3)
@@ -29,9 +34,23 @@ FAR = {False: (1e2, 1e4, 1e6), True: (1e6,)}
 STIFFER = {False: (1e-2, 1.0, 1e2, 1e4, 1e6), True: (1.0, 1e2, 1e4)}
 LOADS = {False: (1.0, 2.0, 4.0, 8.0, 16.0), True: (1.0, 4.0)}
 LONGER = {False: (1, 10, 100), True: (1, 10)}
+#: Size of the disturbance at the end of an undisturbed free flight, of the largest displacement.
+DISTURBANCE = 1e-10
+#: Part of the motion that the push lasts; window in which its size is taken to be that of the start.
+PUSH, FIRST = 0.02, (0.05, 0.15)
+#: Difference below which a push has left no trace, as where drives hold the probes.
+TRACE = 1e-3 * DISTURBANCE
+#: Difference up to which two solvers' histories are taken to be the same motion.
+SAME = 1e-6
 #: Questions of the cards, by the table that answers them.
 ASKED = {"stable_step": "how long may an explicit step be?", "growth": "until when can runs be compared?"}
 #: Names of tables with their titles and notes.
+GROWTH = (
+    "growth", "How a disturbance grows",
+    f"A push of {PUSH:.0%} of the motion moves the probes by some {DISTURBANCE:g} of the largest displacement. first, "
+    "last: largest difference between 5 and 15 % of the motion, and in its last tenth. rate: of exponential growth "
+    f"between them. comparable_until: when the difference exceeds {SAME:g}. uncertainty: rounding at most.",
+)  # fmt: skip
 STABLE = (
     "stable_step", "Explicit steps near the stability limit",
     "stable_dt (s): 2/ω_max (less with damping) of the undeformed scene. factor: the step over it. error: largest "
@@ -93,6 +112,80 @@ def _parts(base: Base) -> Iterator[Part]:
     yield from (places(base, larger), elements(base), stiffness(base))
     if base.case.scene.loads or any(base.case.scene.gravity):
         yield loads(base)
+
+
+def growth(base: Base) -> tuple[Part, float]:
+    """Rows of one case, and the factor by which its motion makes a disturbance larger."""
+    case, trial = base.case, base.trial
+    ours = base.run(trial, "refined run")
+    pushed = replace(trial, scene=_disturbed(case, largest(ours, case)))
+    pairs = {f"push, {trial.solver}": (ours, base.run(pushed, "disturbed"))}
+    if base.peer:
+        peer = base.run(replace(trial, solver=base.peer), base.peer)
+        pairs[f"push, {base.peer}"] = peer, base.run(replace(pushed, solver=base.peer), "disturbed")
+        pairs[f"{trial.solver} and {base.peer}"] = ours, peer
+    rows: list[Row] = []
+    whole: dict[str, Array] = {}
+    for what, solutions in pairs.items():
+        bad = [solution.status for solution in solutions if not solution.status.ok]
+        if not bad:
+            whole[what] = apart(*solutions, case)
+        grown = {} if bad else _grown(ours.t, whole[what])
+        rows.append(base.row(bad[0] if bad else "ok", what=what, **grown))
+    larger = max(1.0, good(rows)[0]["growth"] if good(rows) else 1.0)  # also of NaN
+    for row in good(rows):
+        row["uncertainty"] = base.rounding * (1.0 if row["what"].startswith("push") else larger)
+    return base.part(*GROWTH, rows, _grows(rows), _picture(case.name, ours, whole)), larger
+
+
+def _grown(t: Array, difference: Array) -> Row:
+    """Size of a difference at the start and at the end of a motion, and its growth."""
+    inside = (t >= FIRST[0] * t[-1]) & (t <= FIRST[1] * t[-1])
+    first = float(difference[inside].max(initial=0.0))
+    last = float(difference[t >= 0.9 * t[-1]].max(initial=0.0))
+    ratio = last / first if first > TRACE else nan
+    over = np.flatnonzero(difference > SAME)
+    return {
+        "first": first, "last": last, "growth": ratio,
+        "rate": log(ratio) / (0.85 * float(t[-1])) if ratio > 0.0 else nan,
+        "comparable_until": float(t[over[0]] if over.size else t[-1]),
+    }  # fmt: skip
+
+
+def _disturbed(case: Case, displacement: float) -> Scene:
+    """The scene with a short push at all probes, which moves all of its mass by DISTURBANCE of a displacement, m."""
+    scene, duration = case.scene, PUSH * case.duration
+    beams = sum(b.material.density * b.section.area * b.length for b in scene.beams)
+    mass = beams + sum(b.mass for b in scene.bodies if not isinstance(b, Beam))
+    force = 2.0 * DISTURBANCE * displacement * mass * PUSH / duration**2 / len(case.probes)
+    pulse = Pulse(amplitude=force, duration=duration)
+    push = History(lambda t: (0.8 * pulse(t), 0.6 * pulse(t)), breaks=(0.0, duration))
+    return replace(scene, loads=(*scene.loads, *(Force(probe, push) for probe in case.probes)))
+
+
+def _grows(rows: list[Row]) -> str:
+    first, pair = rows[0], rows[-1]
+    if first["status"] != "ok":
+        return f"a disturbance: {first['status']}"
+    grows = f"grows {first['growth']:.2g} times" if isfinite(first["growth"]) else "leaves no trace"
+    text = f"a disturbance of {DISTURBANCE:g} {grows}"
+    if pair["status"] != "ok" or pair is first:
+        return text
+    until = f"the motion can be compared until {pair['comparable_until']:.3g} s"
+    return f"{text}; {pair['what']} differ by {pair['last']:.0e} at the end: {until}"
+
+
+def _picture(name: str, ours: Solution, whole: dict[str, Array]) -> Picture:
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for k, (what, difference) in enumerate(whole.items()):
+            seen = difference > 0.0
+            axes.plot(ours.t[: len(seen)][seen], difference[seen], linestyle=DASHES[k], label=what)
+        axes.set(yscale="log", xlabel="t (s)", ylabel="difference / largest displacement")
+        legend_below(figure, [axes])
+
+    caption = f"{name}: growth of a push of {DISTURBANCE:g} by each solver, and their difference."
+    return picture(f"growth_{file_name(name)}", caption, draw, (6.8, 3.6))
 
 
 def steps(base: Base) -> Part:

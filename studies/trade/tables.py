@@ -16,7 +16,7 @@ from studies.engine.runner import Runner
 from studies.engine.tables import Table, records
 from studies.engine.timing import SHORT
 from studies.engine.trials import NO_BEAMS
-from studies.trade.settings import Levels
+from studies.trade.measure import Levels
 
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
 #: Columns that identify a setting, and what was found with it.
@@ -160,8 +160,8 @@ def references(levels: Levels, runner: Runner) -> Table:
         apart = difference(check, found.solution, levels.case.probes) if check else nan
         lines.append({
             "scene": levels.case.name, "element": element, "integrator": trial.integrator, "elements": trial.cut,
-            "dt": trial.dt, "uncertainty": found.uncertainty, "check": check.solver if check else "-", "check_difference": apart,
-            "from_cable": cable.error_of(found.solution) if cable is not None else nan,
+            "dt": trial.dt, "uncertainty": found.uncertainty, "check": check.solver if check else "-",
+            "check_difference": apart, "from_cable": cable.error_of(found.solution) if cable is not None else nan,
             "case": identity(levels.case), "status": "ok" if found.known else found.name,
         })  # fmt: skip
     return Table("references", "References", pd.DataFrame(lines), REFERENCES)
