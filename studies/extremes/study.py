@@ -257,7 +257,8 @@ def places(base: Base, growth: float) -> Part:
             "lengths",
         )  # fmt: skip
         for row in good(rows):
-            row["predicted"] = predicted * (np.hypot(1.0, 0.5) * row["lengths"] + 1.0)
+            most = predicted * (float(np.hypot(1.0, 0.5)) * row["lengths"] + 1.0)
+            row |= {"predicted": most, "status": row.pop("status")}
     worst = max((row["difference"] for row in good(rows)), default=nan)
     return base.part(*PLACES, rows, f"far from the origin results differ by {worst:.0e} at most")
 
