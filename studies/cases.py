@@ -22,10 +22,7 @@ def built_in() -> list[Case]:
 def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
     """Cases that a Python file defines as CASES.
 
-    Raises
-    ------
-    CaseError
-        If the file is not there, does not run, defines no list of cases, or two of its scenes have one name.
+    CaseError if it is not there, does not run, defines no list of cases, or two of its scenes have one name.
     """
     found = defined_in(Path(path), DECLARED, CaseError, "file")
     cases = tuple(found) if isinstance(found, list | tuple) else ()
@@ -43,10 +40,7 @@ def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
 def find_cases(given: str, name: str | None = None) -> tuple[Case, ...]:
     """Cases that a user means by a file, or by a built-in scene's name or the beginning of it; `name` chooses one.
 
-    Raises
-    ------
-    CaseError
-        If there is no such file, or no such name, or the beginning fits several names.
+    CaseError if there is no such file, or no such name, or the beginning fits several names.
     """
     if is_file(given):
         cases = cases_in(given)
@@ -60,9 +54,8 @@ def find_case(given: str, name: str | None = None) -> Case:
     """The one case that a user means; errors as of `find_cases`, and where a file has several and no name is given."""
     cases = find_cases(given, name)
     if len(cases) > 1:
-        raise CaseError(
-            f"file {given} has {len(cases)} cases; --case is needed, one of {listed(c.name for c in cases)}"
-        )
+        several = f"file {given} has {len(cases)} cases"
+        raise CaseError(f"{several}; --case is needed, one of {listed(c.name for c in cases)}")
     return cases[0]
 
 

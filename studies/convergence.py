@@ -153,7 +153,7 @@ def finding(found: Refined) -> str:
     named = zip(("mesh", "step"), (found.mesh, found.step), found.levels.orders, strict=True)
     orders = [f"in the {n} {part.order:.2f} (theory {o:g})" for n, part, o in named if isfinite(part.order)]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
-    return f"{found.levels.case.name}: {order}{_estimate(found)}."
+    return f"{found.levels.case.name}: {order}{found.trial.label}, {found.estimate}."
 
 
 def answers(found: Refined) -> Iterator[Answer]:
@@ -166,21 +166,12 @@ def answers(found: Refined) -> Iterator[Answer]:
     values = values_of(found)
     moved = [v for v in values if v.quantity.startswith("largest displacement")] or values
     value = max(moved, key=lambda v: abs(v.value))
-    yield Answer(question, value.text, f"{value.probe}, {value.quantity}. {_estimate(found)}.")
+    yield Answer(question, value.text, f"{value.probe}, {value.quantity}; {found.estimate}.")
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
     if forces:
         largest = max(forces, key=lambda v: abs(v.value))
         take = f"In {largest.probe}, {largest.quantity}."
         yield Answer(f"{name}: what is the largest force in a joint?", largest.text, take)
-
-
-def _estimate(found: Refined) -> str:
-    """The estimated error of a complete run in words, and why it is above its target."""
-    if not found.parts:
-        return "there is no mesh or step to refine"
-    given = "" if found.levels.estimates else "; the other is the one given, and its error is not known"
-    short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
-    return f"{found.trial.label} has an estimated error of {found.error:.1g} ({found.parts}{given}){short}"
 
 
 def _picture(scene: str, meshes: pd.DataFrame, steps: pd.DataFrame) -> Iterator[Picture]:

@@ -28,76 +28,47 @@ NOTES = (
 
 
 @dataclass(frozen=True)
-class SingleRun:
-    """A run with what is known of its error, its values, and runs of others that it is compared with.
+class Other:
+    """A run of another solver on the same mesh and by the same step, and its relative difference."""
 
-    `others` are runs on the same mesh and by the same step, with their relative differences; `allowed` bounds these.
-    """
+    solution: Solution
+    difference: float
+    off: bool  # it failed, or differs by more than is allowed
+
+
+@dataclass(frozen=True)
+class SingleRun:
+    """A run with what is known of its error, its values, and runs of others that it is compared with."""
 
     found: Refined
     values: tuple[Value, ...]
-    others: tuple[tuple[Solution, float], ...] = ()
-    allowed: float = inf
+    others: tuple[Other, ...] = ()
 
     @property
     def missed(self) -> bool:
         """Whether the run, or one that it is compared with, failed or missed the target error."""
         own = not self.found.reached and not not_installed(self.found.solution.status)
-        return own or any(self.is_off(*other) for other in self.others)
-
-    def is_off(self, other: Solution, difference: float) -> bool:
-        """Whether another run failed, or differs by more than is allowed.
-
-        One that is not installed does neither; from a run that is not, nothing differs.
-        """
-        if not other.status.ok:
-            return not not_installed(other.status)
-        return difference > self.allowed and not not_installed(self.found.solution.status)
+        return own or any(other.off for other in self.others)
 
     @property
     def absent(self) -> bool:
         """Whether one of the solvers is not installed."""
-        return any(
-            not_installed(x.status) for x in (self.found.solution, *(other for other, _ in self.others))
-        )
-
-    @property
-    def error(self) -> str:
-        """What is known of the error, in words."""
-        found = self.found
-        if not found.solution.status.ok:
-            return "the error of an incomplete run is not known"
-        if not found.parts:
-            return "its error was not estimated: nothing is refined, as mesh and step are given or there are none"
-        unknown = "" if found.levels.estimates else "; that of what was given is not known"
-        text = f"estimated error {found.error:.1g} ({found.parts}{unknown})"
-        return text if found.reached else f"{text}: above the target {found.target:g}, as {found.reason}"
+        every = self.found.solution, *(other.solution for other in self.others)
+        return any(not_installed(solution.status) for solution in every)
 
 
 def run_case(options: Options, runner: Runner) -> SingleRun:
-    """Run the case of some options.
+    """Run a case; CaseError, StudyError or DiscretisationError if what is given does not fit it or each other.
 
-    Parameters
-    ----------
-    options : Options
-        error: target, relative (1e-3 without it): mesh and step are refined until an estimate of the error is below it;
-        by no more than that other solvers may differ, also where mesh and step are given: then nothing bounds it
-        without a target. meshes, steps: at most one of each, which is not refined; with both no error is estimated.
-        solvers: the first runs the case, the others run it on the same mesh and by the same step.
-    runner : Runner
-
-    Raises
-    ------
-    CaseError, StudyError, DiscretisationError
-        If something given does not fit the case, or does not fit together.
+    Mesh and step are refined until an estimate of the error is below the target, unless they are given; with both no
+    error is estimated. The first solver runs the case, the others on the same mesh and by the same step: they may
+    differ by the target error, and without a target, where nothing is refined, by anything.
     """
     case, error, (solver, *names) = options.case, options.error, options.solvers or (OURS,)
     check_fits(options, case)
     if error is not None and options.meshes and (options.steps or case.static) and not names:
-        raise CaseError(
-            f"error is {error:g} beside a mesh and a step; it needs one of them to refine, or other solvers that "
-            f"may differ by it"
-        )
+        needed = "it needs one of them to refine, or other solvers that may differ by it"
+        raise CaseError(f"error is {error:g} beside a mesh and a step; {needed}")
     setting = {"element": options.element, "integrator": options.integrator}
     given: Any = {name: value for name, value in setting.items() if value}
     levels = Refinement(case, runner, options.meshes or (), options.steps or (), solver=solver, **given)
@@ -105,35 +76,30 @@ def run_case(options: Options, runner: Runner) -> SingleRun:
         levels.trial(0, 0).run()  # refuses a step that does not fit
     runner.heading = f"{case.name}: "
     found = levels.refined(error or ERROR)
-    judged = any(levels.refines) or error is not None
-    others = [runner.solve(replace(found.trial, solver=name)) for name in names]
-    compared = tuple((other, levels.difference(other, found.solution)) for other in others)
+    allowed = found.target if any(levels.refines) or error is not None else inf
+    others = [_compared(found, runner.solve(replace(found.trial, solver=name)), allowed) for name in names]
     read = found.solution.status.ok or len(found.solution.t) > 1  # else nothing is there but the start
-    values = tuple(values_of(found)) if read else ()
-    return SingleRun(found, values, compared, found.target if judged else inf)
+    return SingleRun(found, tuple(values_of(found)) if read else (), tuple(others))
+
+
+def _compared(found: Refined, other: Solution, allowed: float) -> Other:
+    """Another run beside the first; of one that is not installed nothing is off, and from it nothing differs."""
+    difference = found.levels.difference(other, found.solution)
+    differs = difference > allowed and not not_installed(found.solution.status)
+    return Other(other, difference, differs if other.status.ok else not not_installed(other.status))
 
 
 def write_run(run: SingleRun, folder: Path) -> bool:
     """Write solution.npz, probes.csv, values.csv, plot.png and animation.html, in place of older ones.
 
-    A run without any output, such as one that is refused, writes nothing, and leaves the files of an earlier run.
-
-    Returns
-    -------
-    bool
-        Whether files were written.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be written, or has no room.
+    A run without any output, such as one that is refused, writes nothing and leaves the files of an earlier run: False.
+    OutputError if the folder cannot be written, or has no room.
     """
     solution, picture = run.found.solution, BytesIO()
     if not len(solution.t):
         return False
-    write_table(
-        Table("values", "Values and their uncertainty", pd.DataFrame(rows_of(run.values)), NOTES), folder
-    )
+    values = pd.DataFrame(rows_of(run.values))
+    write_table(Table("values", "Values and their uncertainty", values, NOTES), folder)
     write_machine(folder)
     solution.save(folder / "solution.npz")
     atomic_write(folder / "probes.csv", solution.to_frame(run.found.levels.case.probes).to_csv())
@@ -154,18 +120,18 @@ def show(run: SingleRun, console: Console) -> None:
     if case.note:
         say(console, case.note, "dim")
     say(console, f"{status}", "green" if status.ok else "red")
-    say(console, run.error, "" if found.reached else "yellow")
-    counts = (
-        f"steps: {cost.steps}, Newton corrections: {cost.newton_iterations}, {cost.cpu_s:.2g} s of CPU time"
+    say(console, found.estimate, "" if found.reached else "yellow")
+    newton, runs = cost.newton_iterations, len(found.levels.solutions)
+    say(
+        console,
+        f"steps: {cost.steps}, Newton corrections: {newton}, {cost.cpu_s:.2g} s of CPU time; runs: {runs}",
     )
-    say(console, f"{counts}; runs in all: {len(found.levels.solutions)}")
     if run.values:
         show_frame(console, "", pd.DataFrame(rows_of(run.values))[["probe", "quantity", "digits"]])
-    for other, difference in run.others:
-        words, off = f"{other.status}", run.is_off(other, difference)
-        if other.status.ok:
-            above = f", above the target {run.allowed:g}" if off else ""
-            words = f"differs by {difference:.1e}{above}; {other.cost.cpu_s:.2g} s"
-        say(
-            console, f"{other.solver} on the same mesh and by the same step: {words}", "yellow" if off else ""
-        )
+    for other in run.others:
+        words, solution = str(other.solution.status), other.solution
+        if solution.status.ok:
+            above = ", above what is allowed" if other.off else ""
+            words = f"differs by {other.difference:.1e}{above}; {solution.cost.cpu_s:.2g} s"
+        words = f"{solution.solver} on the same mesh and by the same step: {words}"
+        say(console, words, "yellow" if other.off else "")

@@ -18,7 +18,7 @@ from anctmm.validation import one_of
 from studies.cases import assumptions_of
 from studies.engine.runner import Runner
 from studies.engine.study import Options, Result
-from studies.engine.tables import Table
+from studies.engine.tables import Table, records
 from studies.engine.trials import EXPLICIT, Trial, offer_of
 from studies.scenes import moving_scenes
 
@@ -70,13 +70,11 @@ def _trials(case: Case, solver: str, quick: bool, asked: Mapping[str, Any]) -> I
     offer = offer_of(solver)
     integrator = asked.get("integrator") or offer.integrators[0]
     explicit = integrator == EXPLICIT
+    dt = asked.get("dt") or (EXPLICIT_STEP if explicit else STEP[quick])
     features = {integrator, *(feature for feature, _ in needs(case.scene))}
     for element in () if explicit and quick else _elements(offer, asked.get("element"), quick):
-        one, three = (QUICK if quick else MESHES)[element]
-        usual = EXPLICIT_STEP if explicit else STEP[quick]
+        mesh = asked.get("mesh") or (QUICK if quick else MESHES)[element][len(case.scene.beams) > 1]
         if not offer.lacking({*features, element}):
-            mesh = asked.get("mesh") or (one if len(case.scene.beams) == 1 else three)
-            dt = asked.get("dt") or usual
             yield Trial.of(case, solver, mesh, element=element, integrator=integrator, dt=dt)
 
 
@@ -114,15 +112,13 @@ def findings(pairs: pd.DataFrame) -> tuple[str, ...]:
     worst = known.sort_values("difference").iloc[-1]
     count = len({*known["solver"], *known["other"]})
     other = pairs[~pairs["same_element"] & (pairs["solver"] == pairs["solver"].iloc[0])]
-    return (
+    agree = (
         f"The {count} solvers that share an element agree on both scenes to {worst['difference']:.1e} of the largest "
-        f"displacement (the worst: {worst['solver']} and {worst['other']}, {worst['element']}, {worst['scene']}).",
-        *(
-            f"{r.scene}: {r.solver} and {r.other} ({r.element}) differ by {r.difference:.2g}: two models or two "
-            f"discretisations."
-            for r in other.dropna(subset="difference").drop_duplicates(["scene", "other"]).itertuples()
-        ),
+        f"displacement (the worst: {worst['solver']} and {worst['other']}, {worst['element']}, {worst['scene']})."
     )
+    lines = records(other.dropna(subset="difference").drop_duplicates(["scene", "other"]))
+    told = ("{scene}: {solver} and {other} ({element}) differ by {difference:.2g}".format(**r) for r in lines)
+    return agree, *(f"{text}: two models or two discretisations." for text in told)
 
 
 def run(options: Options, runner: Runner) -> Result:

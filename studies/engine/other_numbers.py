@@ -17,21 +17,14 @@ NUMBERS: Mapping[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Changed:
-    """A function of a user's with other numbers."""
-
-    function: Callable[[Any], Any]  # of time, s, or of a fraction of a beam
-    change: Callable[[Any], Any]  # of its answer
-
-    def __call__(self, t: Any) -> Any:
-        """The changed answer."""
-        return self.change(self.function(t))
-
-    @property
-    def breaks(self) -> tuple[float, ...] | None:
-        """Times at which it breaks; None where it does not say."""
-        return getattr(self.function, "breaks", None)
+def changed(function: Callable[[Any], Any], change: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A function of a user's, of time (s) or of a fraction of a beam, with its answer changed; its breaks stay."""
+    breaks = getattr(function, "breaks", None)
+    return (
+        (lambda t: change(function(t)))
+        if breaks is None
+        else at.History(lambda t: change(function(t)), breaks)
+    )
 
 
 @dataclass(frozen=True)
@@ -71,6 +64,6 @@ class Change:
         if value is None or not self.turn:
             return value
         if callable(value):
-            return Changed(value, self._vector)
+            return changed(value, self._vector)
         c, s, (x, y) = cos(self.turn), sin(self.turn), value
         return c * x - s * y, s * x + c * y

@@ -3,7 +3,7 @@
 Meshes or steps may be given instead, from coarse to fine; the remaining error is estimated from those.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isfinite, isinf, nan
@@ -18,6 +18,7 @@ from anctmm.model.scene import Probe
 from anctmm.results.metrics import common_times, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
+from anctmm.solvers import registry
 from studies.engine.meshes import Mesh, coarsest_mesh, longest_step
 from studies.engine.richardson import Part, Spacing, part_of
 from studies.engine.runner import Runner
@@ -196,10 +197,17 @@ class Refined:
         return self.solution.status.ok and self.error <= self.target
 
     @property
-    def parts(self) -> str:
-        """Estimated parts of the error in words; empty where nothing is refined."""
+    def estimate(self) -> str:
+        """Its estimated error in words, and why it is above the target."""
+        if not self.solution.status.ok:
+            return "the error of an incomplete run is not known"
         named = zip(("mesh", "step"), self.levels.refines, (self.mesh, self.step), strict=True)
-        return ", ".join(f"{name} {part.error:.1g}" for name, refined, part in named if refined)
+        parts = ", ".join(f"{name} {part.error:.1g}" for name, refined, part in named if refined)
+        if not parts:
+            return "its error was not estimated: nothing is refined, as mesh and step are given or there are none"
+        given = "" if self.levels.estimates else "; that of what was given is not known"
+        short = "" if self.reached else f": above the target {self.target:g}, as {self.reason}"
+        return f"estimated error {self.error:.1g} ({parts}{given}){short}"
 
     @property
     def known(self) -> bool:
@@ -216,6 +224,14 @@ class Refined:
         """Of the reference: solver and settings, or why there is none."""
         why = self.reason or "no coarser run is complete"
         return self.trial.label if self.known else f"none: {self.trial.label}: {why}"
+
+    def others(self) -> Iterator[Solution]:
+        """Complete runs of other solvers with the same element at the same setting."""
+        for name in registry.names() if self.known else ():
+            trial = replace(self.trial, solver=name)
+            can = trial.used == trial.element and not offer_of(name).lacking({trial.element})
+            if can and trial != self.trial and (solution := self.levels.runner.solve(trial)).status.ok:
+                yield solution
 
     def error_of(self, solution: Solution) -> float:
         """Error of a solution against this one; NaN where one of them is not complete."""

@@ -10,6 +10,11 @@ from studies.engine.meshes import Mesh, StudyError, by_beam
 from studies.engine.runner import Runner
 from studies.engine.tables import Table
 
+#: Options as they are typed.
+TYPED = {
+    "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
+    "integrator": "--integrator", "error": "--error",
+}  # fmt: skip
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
     "trade": ("studies.trade.study", "which solver, element, mesh and step costs least for an error"),
@@ -19,19 +24,11 @@ STUDIES = {
     "agreement": ("studies.agreement.study", "every pair of solvers on both moving scenes: the same motion or not"),
     "published": ("studies.published.study", "numbers that others have published: confirmed, contradicted or why not"),
 }  # fmt: skip
-#: Options as they are typed; and those that studies take.
-TYPED = {
-    "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
-    "integrator": "--integrator", "error": "--error",
+#: Options that they take.
+TAKEN: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("convergence", "trade"), tuple(TYPED)), "fidelity": ("cases", "error"), "extremes": ("cases",),
+    "agreement": ("element", "integrator", "meshes", "steps", "solvers"), "published": (),
 }  # fmt: skip
-TAKEN = {
-    "convergence": tuple(TYPED),
-    "trade": tuple(TYPED),
-    "agreement": ("element", "integrator", "meshes", "steps", "solvers"),
-    "fidelity": ("cases", "error"),
-    "extremes": ("cases",),
-    "published": (),
-}
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.results.metrics import EPS, Array
 from anctmm.results.solution import Solution
-from anctmm.solvers import registry
 from studies.engine.refinement import Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Picture
@@ -18,8 +18,6 @@ from studies.engine.tables import Table
 from studies.engine.trials import Trial
 
 Row = dict[str, Any]
-Variant = Callable[[float], Trial]  # by a factor
-Measured = Callable[[Trial, Solution], Row]
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-3, True: 1e-2}
 #: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
@@ -52,7 +50,8 @@ class Base:
         """Refine a case."""
         runner.heading = f"{case.name}, mesh and step: "
         found = Refinement(case, runner).refined(TARGETS[quick])
-        return cls(case, found, runner, quick, _peer(found, runner) if found.solution.status.ok else "")
+        peer = next(found.others(), None)
+        return cls(case, found, runner, quick, peer.solver if peer else "")
 
     @property
     def trial(self) -> Trial:
@@ -80,27 +79,26 @@ class Base:
         table = Table(name, title, pd.DataFrame(rows), (note,))
         return Part(table, f"{self.case.name}: {known}.", drawn)
 
-    def swept(self, what: str, factors: Sequence[float], variant: Variant, measured: Measured) -> list[Row]:
+    def swept(
+        self, factors: Sequence[float], variant: Callable[[float], Trial],
+        measured: Callable[[Trial, Solution], Row], column: str = "factor",
+    ) -> list[Row]:  # fmt: skip
         """A row for each factor: what is measured of its variant, or why there is nothing."""
         rows = []
         for factor in factors:
-            trial = variant(factor)
-            if trial.work > MOST_WORK:
-                rows.append(self.row(f"{NOT_RUN}: {trial.work:.1e} elements times steps", factor=factor))
-                continue
-            run = self.run(trial, f"{what}, {factor:g}")
-            found = measured(trial, run) if run.status.ok else {}
-            rows.append(self.row(run.status, factor=factor, **found))
+            status, found = "", {}
+            try:
+                trial = variant(factor)
+            except AnctmmError as error:  # a part of a user's own kind
+                status = f"does not apply: {error}"
+            else:
+                if trial.work > MOST_WORK:
+                    status = f"{NOT_RUN}: {trial.work:.1e} elements times steps"
+            if not status:
+                run = self.run(trial, f"{column} {factor:g}")
+                status, found = str(run.status), measured(trial, run) if run.status.ok else {}
+            rows.append(self.row(status, **{column: factor}, **found))
         return rows
-
-
-def _peer(found: Refined, runner: Runner) -> str:
-    """The first other solver that has the same elements and can do the refined run."""
-    for name in registry.names():
-        other = replace(found.trial, solver=name)
-        if other != found.trial and other.used == other.element and runner.solve(other).status.ok:
-            return name
-    return ""
 
 
 def paths(solution: Solution, case: Case) -> Array:
@@ -108,9 +106,9 @@ def paths(solution: Solution, case: Case) -> Array:
     return np.stack([solution.displacement(probe) for probe in case.probes], axis=1)
 
 
-def size_of(u: Array) -> float:
-    """The largest displacement, m; 1 where nothing moves."""
-    return float(np.linalg.norm(u, axis=2).max(initial=0.0)) or 1.0
+def largest(solution: Solution, case: Case) -> float:
+    """The largest displacement of the probes, m; 1 where nothing moves."""
+    return float(np.linalg.norm(paths(solution, case), axis=2).max(initial=0.0)) or 1.0
 
 
 def apart(one: Solution, other: Solution, case: Case, size: float | None = None) -> Array:
@@ -123,7 +121,7 @@ def apart(one: Solution, other: Solution, case: Case, size: float | None = None)
         u, v = u[-1:], v[-1:]
     n = min(len(u), len(v))
     gap: Array = np.linalg.norm(u[:n] - v[:n], axis=2).max(axis=1, initial=0.0)
-    return gap / (size or size_of(u))
+    return gap / (size or largest(one, case))
 
 
 def energy_error(run: Solution) -> float:

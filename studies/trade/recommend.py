@@ -23,7 +23,7 @@ from studies.engine.meshes import mesh_label
 from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import milliseconds, say, show_frame
 from studies.engine.trials import NO_BEAMS, SHARED, Trial
-from studies.trade.settings import same_continuum
+from studies.trade.measure import same_continuum
 from studies.trade.tables import history, parts_text, setting_of, stepping
 
 #: The trade of the built-in scenes that ships with the package.

@@ -14,8 +14,7 @@ from studies.engine.study import Answer, Options, Picture, Result, StudyError, c
 from studies.engine.tables import BUILD, Table, milliseconds, records
 from studies.report.plots import floor, log_axes, look_of, picture
 from studies.trade import tables as made
-from studies.trade.measure import like_with_like, solve_all, time_near
-from studies.trade.settings import grid, levels_of, not_timed
+from studies.trade.measure import grid, levels_of, like_with_like, not_timed, solve_all, time_near
 
 #: The target error that sentences speak of, or else the smallest.
 TARGET = 1e-3

@@ -1,8 +1,7 @@
 """Tables of a trade: recommended settings, solvers at equal error, like with like, references."""
 
 from ast import literal_eval
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from math import nan
 from typing import Any
 
@@ -10,15 +9,14 @@ import pandas as pd
 
 from anctmm.model.case import Case
 from anctmm.results.solution import Solution
-from anctmm.solvers import registry
 from studies.engine.fronts import NEAR, cost_at, front, reaching
 from studies.engine.identity import identity
-from studies.engine.refinement import Refined, difference
+from studies.engine.refinement import difference
 from studies.engine.runner import Runner
 from studies.engine.tables import Table, records
 from studies.engine.timing import SHORT
-from studies.engine.trials import NO_BEAMS, offer_of
-from studies.trade.settings import Levels
+from studies.engine.trials import NO_BEAMS
+from studies.trade.measure import Levels
 
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
 #: Columns that identify a setting, and what was found with it.
@@ -158,24 +156,15 @@ def references(levels: Levels, runner: Runner) -> Table:
     cable = levels.references.get("cable")
     lines = []
     for element, found in levels.references.items():
-        checker, apart = next(_checks(levels.case, element, found, runner), ("-", nan))
-        trial = found.trial
+        check, trial = next(found.others(), None), found.trial
+        apart = difference(check, found.solution, levels.case.probes) if check else nan
         lines.append({
             "scene": levels.case.name, "element": element, "integrator": trial.integrator, "elements": trial.cut,
-            "dt": trial.dt, "uncertainty": found.uncertainty, "check": checker, "check_difference": apart,
-            "from_cable": cable.error_of(found.solution) if cable is not None else nan,
+            "dt": trial.dt, "uncertainty": found.uncertainty, "check": check.solver if check else "-",
+            "check_difference": apart, "from_cable": cable.error_of(found.solution) if cable is not None else nan,
             "case": identity(levels.case), "status": "ok" if found.known else found.name,
         })  # fmt: skip
     return Table("references", "References", pd.DataFrame(lines), REFERENCES)
-
-
-def _checks(case: Case, element: str, found: Refined, runner: Runner) -> Iterator[tuple[str, float]]:
-    """Other solvers with the same element that run the reference's setting, and their differences."""
-    for solver in registry.names() if found.known else ():
-        other = replace(found.trial, solver=solver)
-        can = other.used == element and not offer_of(solver).lacking({element})
-        if can and other != found.trial and (solution := runner.solve(other)).status.ok:
-            yield solver, difference(solution, found.solution, case.probes)
 
 
 def histories(levels: Levels) -> Table:

@@ -14,7 +14,7 @@ from studies.engine.refinement import Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError
 from studies.trade import recommend
-from studies.trade.settings import not_timed
+from studies.trade.measure import not_timed
 from studies.trade.study import run
 from studies.trade.tables import at_equal_error, recommended
 
