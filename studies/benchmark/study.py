@@ -33,6 +33,9 @@ SHOWN = {
     "status": "status",
 }  # fmt: skip
 RUN = ["contest", "steps_kind", "elements"]
+MEDIANS = [
+    "coordinates", "steps", "ns_element_step", "corrections_step", "ratio_step", "call_ms", "ratio_call",
+]  # fmt: skip
 Sample = dict[str, Any]
 #: A call of an item by each of its contestants, or why it is not timed.
 Calls = Callable[[Item], Mapping[str, Callable[[], Sample] | str]]
@@ -86,18 +89,9 @@ def summary(raw: pd.DataFrame) -> pd.DataFrame:
         call_ms=1e3 * raw["call_s"],
         ratio_call=raw["call_s"] / raw["call_s_first"],
     )
-    columns = [
-        "coordinates",
-        "steps",
-        "ns_element_step",
-        "corrections_step",
-        "ratio_step",
-        "call_ms",
-        "ratio_call",
-    ]
     groups = raw.groupby([*RUN, "solver"], sort=False)
     spread = groups["step_s"].agg(lambda times: float(np.ptp(times) / times.median()))
-    medians = groups[columns].median()
+    medians = groups[MEDIANS].median()
     return medians.assign(spread=spread, repeats=groups.size(), status="ok").reset_index()
 
 
