@@ -17,14 +17,7 @@ import numpy as np
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.engine.files import check_writable
-from studies.regression.history import (
-    FIRST,
-    History,
-    Tolerance,
-    quantity_of,
-    read_history,
-    write_history,
-)
+from studies.regression.history import FIRST, History, Tolerance, quantity_of, read_history, write_history
 from studies.regression.reading import READABLE, answered
 from studies.regression.scenes import CheckError, Task
 from studies.regression.tolerance import measured
