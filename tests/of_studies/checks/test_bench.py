@@ -32,8 +32,7 @@ def test_a_ratio_is_the_median_of_the_rounds():
     """A disturbance of one round moves both, or one ratio of several; a refusal is a row."""
 
     def calls(step_s, call_s=1.0):
-        # the first two are to see whether it runs, and to warm up
-        times = iter([step_s[0], step_s[0], *step_s])
+        times = iter([step_s[0], *step_s])  # the first is to see whether it runs, and to warm up
         sample = {"call_s": call_s, "steps": 10, "corrections": 20, "coordinates": 12, "status": "ok"}
         return lambda: {**sample, "steps_s": 10 * next(times)}
 

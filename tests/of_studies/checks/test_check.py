@@ -386,7 +386,7 @@ def test_a_users_own_project(project):
         (["--only", "nothing"], "--only 'nothing' with --solver 'any' leaves nothing; allowed are parts"),
         (["--scenes", "none.py"], "--scenes none.py: no such file"),
         (["--baselines", "nowhere"], "--baselines nowhere: no such directory; --update makes it"),
-        (["--update", "--baselines", "{file}"], "a directory that can be written is needed"),
+        (["--update", "--baselines", "{file}"], "cannot be written"),
     ],
 )
 def test_bad_arguments_are_named_before_any_run(arguments, reason, tmp_path, monkeypatch):
