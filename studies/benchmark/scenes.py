@@ -178,9 +178,8 @@ def items(quick: bool = False) -> Iterator[Item]:
     for mesh in FOUR_BARS[: 1 if quick else None]:
         yield from _items("four-bar, like settings", paper, mesh, ("implicit",), (OURS, EXUDYN), **like)
         # the drive begins slowly: in shorter steps nothing would move by more than rounding
-        options = {"element": "shear", "dt": 1e-5}
-        solvers = (OURS, SPARSE, DENSE)
-        yield from _items("four-bar, the paper's elements", paper, mesh, ("explicit",), solvers, **options)
+        options: dict[str, Any] = {"element": "shear", "dt": 1e-5, "solvers": (OURS, SPARSE, DENSE)}
+        yield from _items("four-bar, the paper's elements", paper, mesh, ("explicit",), **options)
     yield from _items("hinged chain", partial(zigzag, size, at.Pin), 2, solvers=(OURS, SPARSE))
     yield from _items("welded tree", partial(tree, size, at.Weld), 2, solvers=(OURS, SPARSE))
     yield from _items("hinged ladder", partial(ladder, size // 2, at.Pin), 2, solvers=(OURS, SPARSE))

@@ -53,7 +53,12 @@ RULES: list[Rule] = []
 
 def rule(name: str, asks: str, *needs: str) -> Callable[[Test], Test]:
     """Make a rule of a function."""
-    return lambda test: RULES.append(Rule(name, asks, test, needs)) or test
+
+    def added(test: Test) -> Test:
+        RULES.append(Rule(name, asks, test, needs))
+        return test
+
+    return added
 
 
 def worst(off: dict[str, float], allowed: float, what: str) -> Found:
