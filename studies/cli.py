@@ -117,9 +117,9 @@ def study(
     with sweeping(quick, workers, cluster) as runner:
         for done in whole.run_study(name, options, runner):
             folder = whole.write_study(done, out)
-            terminal.glance(done.result, Console())
+            terminal.glance(done, Console())
             print(f"\nWritten to {folder}/")
-            good = good or done.result.good
+            good = good or done.good
     if not good:
         print("anctmm: all runs are refused or fail, as said above", file=sys.stderr)
     return Code.DONE if good else Code.DIFFERS
@@ -139,9 +139,9 @@ def report(
         for one in whole.run_all(cases, quick, runner):
             done.append(one)
             whole.write_report(done, folder, quick, (file, case))  # whole, whatever fails an hour later
-            print(f"anctmm: {one.result.name} {one.case} is done", file=sys.stderr)
+            print(f"anctmm: {one.name} {one.case} is done", file=sys.stderr)
     print(f"Written to {folder}/index.html")
-    return Code.DONE if any(one.result.good for one in done) else Code.DIFFERS
+    return Code.DONE if any(one.good for one in done) else Code.DIFFERS
 
 
 @app.command(cls=Command)
@@ -179,7 +179,7 @@ def bench(quick: given.Quick = False, out: given.Out = RESULTS) -> None:
     check_writable(out)
     with Console(stderr=True).status("starting") as shown:
         result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
-    folder = whole.write_study(whole.Done("", result), out)
+    folder = whole.write_study(result, out)
     for table in result.tables[:2]:
         benchmark.show(table.frame, table.title, Console())
     print(f"\nWritten to {folder}/")

@@ -89,29 +89,22 @@ def chain(length: float = 1.0) -> at.Scene:
     return scene([beam("bar", (0.0, 0.0), (length, 0.0))], [at.Clamp("bar.start")])
 
 
-def zigzag(beams: int, joint: Any) -> at.Scene:
-    """Beams in a row, by turns to either side of the x axis."""
-    places = [(k * cos(pi / 6), (k % 2) * sin(pi / 6)) for k in range(beams + 1)]
+def zigzag(beams: int, joint: Any, angle: float = pi / 6) -> at.Scene:
+    """Beams in a row, by turns at an angle to either side of the x axis."""
+    places = [(k * cos(angle), (k % 2) * sin(angle)) for k in range(beams + 1)]
     bodies = [beam(f"z{k}", *places[k : k + 2]) for k in range(beams)]
     return scene(bodies, [*joined(bodies, joint), at.Clamp("z0.start")])
 
 
 def tree(beams: int, joint: Any) -> at.Scene:
-    """A tree, clamped at its foot, of beams "t0_0", "t1_0", "t1_1", … that part in two at each level.
-
-    The last level need not be full; from level to level the angle between a beam and those that grow from it is less.
-    """
-    ends: list[tuple[Place, float]] = [((0.0, 0.0), 0.5 * pi)]
-    bodies: list[at.Beam] = []
-    level = 0
-    while len(bodies) < beams:
-        grown, angle = [], 0.6 / (level + 1)
-        for n, (place, way) in enumerate(ends[: beams - len(bodies)]):
-            tip = place[0] + cos(way), place[1] + sin(way)
-            bodies.append(beam(f"t{level}_{n}", place, tip))
-            grown += [(tip, way + angle), (tip, way - angle)]
-        ends, level = grown, level + 1
-    return scene(bodies, [*joined(bodies, joint), at.Clamp("t0_0.start")])
+    """A tree, clamped at its foot, whose beams part in two; at each level by less."""
+    bodies, ways = [beam("t0", (0.0, 0.0), (0.0, 1.0))], [0.5 * pi]
+    for k in range(1, beams):
+        parent, level = (k - 1) // 2, (k + 1).bit_length() - 1
+        ways.append(ways[parent] + (0.6 if k % 2 else -0.6) / level)
+        x, y = bodies[parent].end
+        bodies.append(beam(f"t{k}", (x, y), (x + cos(ways[k]), y + sin(ways[k]))))
+    return scene(bodies, [*joined(bodies, joint), at.Clamp("t0.start")])
 
 
 def ladder(rungs: int, joint: Any) -> at.Scene:
@@ -129,13 +122,6 @@ def springs(count: int) -> at.Scene:
     nodes = [(2 * k + 1) * 64 // (2 * count) for k in range(count)]
     ties = [at.Spring(("bar", n / 128), ("bar", (n + 64) / 128), stiffness=5.0) for n in nodes]
     return replace(chain(), connectors=tuple(ties))
-
-
-def frame() -> at.Scene:
-    """Two beams welded at 40 degrees."""
-    corner, tip = (1.0, 0.0), (1.0 + cos(radians(40.0)), sin(radians(40.0)))
-    joints = [at.Clamp("one.start"), at.Weld("one.end", "two.start")]
-    return scene([beam("one", (0.0, 0.0), corner), beam("two", corner, tip)], joints)
 
 
 def four_bars(loops: int) -> at.Scene:
@@ -167,59 +153,53 @@ def paper() -> at.Scene:
 # --- items -----------------------------------------------------------------------------------------------------
 
 
+PAIR = ("explicit", "implicit")
+#: What other solvers are not timed on: name, scene, elements of each beam, and options.
+OWN: list[tuple[str, Callable[[], at.Scene], int, dict[str, Any]]] = [
+    *((f"{element} chain", partial(chain, 1.0 if n <= 128 else 0.05 * n), n, {"element": element})
+      for element in ("cable", "shear", "quintic") for n in (8, 32, 128, 1_000_000)),
+    ("cable chain", chain, 32, {"kinds": ("esdirk",)}),
+    *((f"four-bar, {element}", paper, 8, {"element": element, "kinds": (kind,), "dt": dt})
+      for element in ("shear", "cable") for kind, dt in (("explicit", 2e-6), ("implicit", 1e-3))),
+    *(("frame welded at 40 degrees", partial(zigzag, 2, at.Weld, radians(20.0)), n, {}) for n in (8, 32)),
+    *((f"{kind} ladder of {n} rungs", partial(ladder, n, joint), 2, {})
+      for kind, joint, n in (("welded", at.Weld, 10), ("hinged", at.Pin, 10), ("hinged", at.Pin, 100))),
+    ("tree of 127 beams", partial(tree, 127, at.Pin), 2, {}),
+    *((f"rigid four-bars: {n}", partial(four_bars, n), 1, {}) for n in (1, 40)),
+    *((f"springs across 128 cables: {n}", partial(springs, n), 128, {}) for n in (1, 8, 64)),
+]  # fmt: skip
+
+
 def items(quick: bool = False) -> Iterator[Item]:
     """Everything that is timed."""
-    like, sparse = (OURS, EXUDYN), (OURS, SPARSE)
+    size, like = 10 if quick else 40, {"quadrature": "reduced"}
     for n in (8, 32) if quick else (8, 32, 128):
-        yield from _items("clamped beam, like settings", chain, n, like, quadrature="reduced")
-    for each in FOUR_BARS[: 1 if quick else None]:
-        mesh, size = dict(zip(("crank", "coupler", "follower"), each, strict=True)), sum(each)
-        options: dict[str, Any] = {"mesh": mesh, "quadrature": "reduced"}
-        yield Item("four-bar, like settings", paper, size, "implicit", options, like)
+        yield from _items("clamped beam, like settings", chain, n, solvers=(OURS, EXUDYN), **like)
+    for mesh in FOUR_BARS[: 1 if quick else None]:
+        yield from _items("four-bar, like settings", paper, mesh, ("implicit",), (OURS, EXUDYN), **like)
         # the drive begins slowly: in shorter steps nothing would move by more than rounding
-        options = {"mesh": mesh, "element": "shear", "dt": 1e-5}
-        yield Item("four-bar, the paper's elements", paper, size, "explicit", options, (OURS, SPARSE, DENSE))
-    size = 10 if quick else 40
-    yield from _items("hinged chain", partial(zigzag, size, at.Pin), 2, sparse)
-    yield from _items("welded tree", partial(tree, size, at.Weld), 2, sparse)
-    yield from _items("hinged ladder", partial(ladder, size // 2, at.Pin), 2, sparse)
+        options: dict[str, Any] = {"element": "shear", "dt": 1e-5, "solvers": (OURS, SPARSE, DENSE)}
+        yield from _items("four-bar, the paper's elements", paper, mesh, ("explicit",), **options)
+    yield from _items("hinged chain", partial(zigzag, size, at.Pin), 2, solvers=(OURS, SPARSE))
+    yield from _items("welded tree", partial(tree, size, at.Weld), 2, solvers=(OURS, SPARSE))
+    yield from _items("hinged ladder", partial(ladder, size // 2, at.Pin), 2, solvers=(OURS, SPARSE))
     for n in LENGTHS[: 2 if quick else None]:
         yield from _items(LONG, partial(chain, 0.05 * n), n)
-    if not quick:
-        yield from _own()
-
-
-def _own() -> Iterator[Item]:
-    """What other solvers are not timed on."""
-    for element in ("cable", "shear", "quintic"):
-        for mesh in (8, 32, 128, 1_000_000):
-            made = partial(chain, 1.0 if mesh <= 128 else 0.05 * mesh)
-            yield from _items(f"{element} chain", made, mesh, element=element)
-    yield Item("cable chain", chain, 32, "esdirk", {"mesh": 32})
-    for element in ("shear", "cable"):
-        for kind, dt in (("explicit", 2e-6), ("implicit", 1e-3)):
-            options = {"mesh": 8, "element": element, "dt": dt}
-            yield Item(f"four-bar, {element}", paper, 24, kind, options)
-    for mesh in (8, 32):
-        yield from _items("frame welded at 40 degrees", frame, mesh)
-    for kind, joint, rungs in (("welded", at.Weld, 10), ("hinged", at.Pin, 10), ("hinged", at.Pin, 100)):
-        yield from _items(f"{kind} ladder of {rungs} rungs", partial(ladder, rungs, joint), 2)
-    yield from _items("tree of 127 beams", partial(tree, 127, at.Pin), 2)
-    for loops in (1, 40):
-        yield from _items(f"rigid four-bars: {loops}", partial(four_bars, loops), 1)
-    for count in (1, 8, 64):
-        yield from _items(f"springs across 128 cables: {count}", partial(springs, count), 128)
+    for name, made, n, options in () if quick else OWN:
+        yield from _items(name, made, n, **options)
 
 
 def _items(
-    name: str, made: Callable[[], at.Scene], mesh: int, solvers: tuple[str, ...] = (OURS,), **options: Any
-) -> Iterator[Item]:
-    """Explicit and implicit steps of a scene, with a mesh of each beam; posts of a ladder have a node at each rung."""
+    name: str, made: Callable[[], at.Scene], mesh: int | Sequence[int], kinds: Sequence[str] = PAIR,
+    solvers: tuple[str, ...] = (OURS,), **options: Any,
+) -> Iterator[Item]:  # fmt: skip
+    """Steps of a scene, with a mesh of each beam, or of all; posts of a ladder have a node at each rung."""
     beams = [body.name for body in made().beams]
     rungs = sum(name.startswith("rung") for name in beams)
-    meshes = {name: rungs if rungs and not name.startswith("rung") else mesh for name in beams}
+    each = [mesh] * len(beams) if isinstance(mesh, int) else mesh
+    meshes = {n: rungs if rungs and not n.startswith("rung") else m for n, m in zip(beams, each, strict=True)}
     elements = sum(meshes.values()) or len(made().bodies)
-    for kind in ("explicit", "implicit"):
+    for kind in kinds:
         yield Item(name, made, elements, kind, {"mesh": meshes or mesh, **options}, solvers)
 
 

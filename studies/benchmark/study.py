@@ -27,12 +27,14 @@ NOTES = (
     "per step differ. Exudyn: one thread, modified Newton, the faster of its linear solvers, no files.",
     "the paper's elements: the global solver factors its matrix densely in each step, or sparsely and once.",
 )
-SHOWN = {
-    "contest": "scene", "steps_kind": "steps", "solver": "solver", "elements": "elements", "ns_element_step": "ns",
-    "spread": "spread", "corrections_step": "corrections", "ratio_step": "ratio", "ratio_call": "whole call",
-    "status": "status",
-}  # fmt: skip
+SHOWN = [
+    "contest", "steps_kind", "solver", "elements", "ns_element_step", "spread", "corrections_step", "ratio_step",
+    "ratio_call", "status",
+]  # fmt: skip
 RUN = ["contest", "steps_kind", "elements"]
+MEDIANS = [
+    "coordinates", "steps", "ns_element_step", "corrections_step", "ratio_step", "call_ms", "ratio_call",
+]  # fmt: skip
 Sample = dict[str, Any]
 #: A call of an item by each of its contestants, or why it is not timed.
 Calls = Callable[[Item], Mapping[str, Callable[[], Sample] | str]]
@@ -86,18 +88,9 @@ def summary(raw: pd.DataFrame) -> pd.DataFrame:
         call_ms=1e3 * raw["call_s"],
         ratio_call=raw["call_s"] / raw["call_s_first"],
     )
-    columns = [
-        "coordinates",
-        "steps",
-        "ns_element_step",
-        "corrections_step",
-        "ratio_step",
-        "call_ms",
-        "ratio_call",
-    ]
     groups = raw.groupby([*RUN, "solver"], sort=False)
     spread = groups["step_s"].agg(lambda times: float(np.ptp(times) / times.median()))
-    medians = groups[columns].median()
+    medians = groups[MEDIANS].median()
     return medians.assign(spread=spread, repeats=groups.size(), status="ok").reset_index()
 
 
@@ -124,4 +117,4 @@ def bench(quick: bool = False, tell: Callable[[str], None] = lambda text: None) 
 
 def show(frame: pd.DataFrame, title: str, console: Console) -> None:
     """Print the rows of `measured`."""
-    show_frame(console, title, frame.reindex(columns=list(SHOWN)).rename(columns=SHOWN))
+    show_frame(console, title, frame.reindex(columns=SHOWN))

@@ -3,28 +3,29 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from typing import Any
 
 import anctmm as at
 
-#: Elements of each block size, those in space, and kinds of calls: by the options of a motion, or by name.
+#: Elements of each block size, those in space, and kinds of calls.
 ELEMENTS = ("cable", "shear", "space")
-MOTIONS: dict[str, dict[str, Any]] = {
-    "zhai": {"integrator": "zhai", "dt": 1e-6, "t_end": 2e-6},
-    "generalized-alpha": {"integrator": "generalized-alpha", "dt": 1e-4, "t_end": 2e-4},
-    "esdirk": {"integrator": "esdirk", "dt": 1e-4, "t_end": 2e-4},
-    "generalized-alpha with a tolerance": {
-        "integrator": "generalized-alpha", "tolerance": 1e-2, "t_end": 1e-3,
-    },
-    "esdirk with a tolerance": {"integrator": "esdirk", "tolerance": 1e-2, "t_end": 1e-3},
-}  # fmt: skip
+CALLS: dict[str, Callable[..., Any]] = {
+    "zhai": partial(at.solve, integrator="zhai", dt=1e-6, t_end=2e-6),
+    "generalized-alpha": partial(at.solve, dt=1e-4, t_end=2e-4),
+    "esdirk": partial(at.solve, integrator="esdirk", dt=1e-4, t_end=2e-4),
+    "generalized-alpha with a tolerance": partial(at.solve, tolerance=1e-2, t_end=1e-3),
+    "esdirk with a tolerance": partial(at.solve, integrator="esdirk", tolerance=1e-2, t_end=1e-3),
+    "statics": at.solve_static,
+    "modes": partial(at.modes, count=2),
+}
 
 
 def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int | None = None) -> None:
     """Compile what has not been compiled yet."""
-    first, *others = list[str]((*MOTIONS, "statics", "modes"))
+    first, *others = CALLS
     with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
         for names in ((first,), others):  # what all kinds share is compiled with the first
             kinds = [kind for kind in product(names, ELEMENTS) if kind != ("modes", "space")]
@@ -38,11 +39,5 @@ def call(name: str, element: str) -> str:
     start, end, down = (0.0, 0.0, 0.0)[:size], (1.0, 0.0, 0.0)[:size], (0.0, -1.0, 0.0)[:size]
     beam = at.Beam("beam", start, end, at.Circle(0.05), at.Material(E=1e7, density=1000.0))
     scene = at.Scene("compile", [beam], [at.Clamp("beam.start")], gravity=down)
-    words, element = f"{name}, {element}", "cable" if size == 3 else element
-    if name == "statics":
-        at.solve_static(scene, mesh=2, element=element)
-    elif name == "modes":
-        at.modes(scene, mesh=2, element=element, count=2)
-    else:
-        at.solve(scene, mesh=2, element=element, **MOTIONS[name])
-    return words
+    CALLS[name](scene, mesh=2, element="cable" if size == 3 else element)
+    return f"{name}, {element}"

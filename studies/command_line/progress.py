@@ -44,9 +44,9 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
         except KeyboardInterrupt:
             progress.stop()
             again = shlex.join(["anctmm", *sys.argv[1:]])
-            stored = f"Finished runs ({runner.computed} of this session) are stored in {store}; continue with: {again}"
-            nowhere = "Nothing is stored: no directory can be written."
-            print(f"Interrupted. {stored if store else nowhere}", file=sys.stderr)
+            stored = f"Finished runs ({runner.computed} of this session) are stored in {store}"
+            stored = stored if store else "Nothing is stored: no directory can be written"
+            print(f"Interrupted. {stored}; continue with: {again}", file=sys.stderr)
             raise typer.Exit(Code.INTERRUPTED) from None
 
 

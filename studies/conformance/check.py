@@ -13,6 +13,7 @@ from studies.conformance.rules import RULES, SIGNATURE, Rule
 from studies.conformance.scenes import cantilever
 from studies.conformance.subject import BrokenRule, Subject
 from studies.engine.tables import say, show_frame
+from studies.engine.trials import not_installed
 
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
@@ -61,8 +62,7 @@ def _missing(subject: Subject) -> str:
         status = subject.solve(cantilever(), subject.run(t_end=0.02)).status
     except Exception:  # whatever a broken solver does is for the rules to find
         return ""
-    absent = isinstance(status, Status) and status.code == "unsupported" and "not installed" in status.message
-    return status.message if absent else ""
+    return status.message if isinstance(status, Status) and not_installed(status) else ""
 
 
 def judge(rule: Rule, subject: Subject) -> Finding:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 import anctmm as at
 from anctmm.errors import AnctmmError
 from anctmm.model.needs import features_of as combined
-from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
@@ -35,9 +34,8 @@ ALLOWED = 0.2
 #: Length of the motions that show an effect, s.
 ACTED = 0.2
 #: P L²/(E I) = 2 down, and an end moment the other way.
-PRESSED = made.pressed(
-    at.Force("bar.end", (0.0, -2.0 * EI / LENGTH**2)), at.Torque("bar.end", 0.3 * EI / LENGTH)
-)
+LOADS = at.Force("bar.end", (0.0, -2.0 * EI / LENGTH**2)), at.Torque("bar.end", 0.3 * EI / LENGTH)
+PRESSED = cantilever(0.0, loads=LOADS)
 
 
 @dataclass(frozen=True)
@@ -61,6 +59,12 @@ def rule(name: str, asks: str, *needs: str) -> Callable[[Test], Test]:
         return test
 
     return added
+
+
+def worst(off: dict[str, float], allowed: float, what: str) -> Found:
+    """Of several numbers by name the largest."""
+    name = max(off, key=off.__getitem__)
+    return off[name], allowed, f"of {what}: {name}, the worst of {len(off)}"
 
 
 # --- the interface -----------------------------------------------------------------------------------------
@@ -98,7 +102,8 @@ def answers(s: Subject) -> Found:
     }
     if names := ", ".join(name for name, value in wrong.items() if value):
         raise BrokenRule(f"{names} of the Solution are missing or wrong")
-    return _off_reference(found, scene), 1e-9, "of the length at the start"
+    off = _largest(found.position("bar", f)[0] - scene.beams[0].position_at(f) for f in FRACTIONS)
+    return off / LENGTH, 1e-9, "of the length at the start"
 
 
 @rule("determinism", "the same again")
@@ -171,7 +176,7 @@ def _asked_for(s: Subject, features: Collection[str]) -> Status:
 
 @rule("units: m, s", "a free bar falls by g t²/2")
 def falls_freely(s: Subject) -> Found:
-    found = s.motion(made.falling())
+    found = s.motion(cantilever(joints=()))
     path = np.outer(-0.5 * GRAVITY * found.t**2, [0.0, 1.0])
     off = _largest(found.displacement(("bar", f)) - path for f in FRACTIONS)
     return off / abs(path[-1, 1]), 1e-6, "of the way"
@@ -227,9 +232,8 @@ def stay_together(s: Subject) -> Found:
     for feature in (f for f in made.MEETING if not s.offer.lacking({f})):
         found = s.motion(made.DEMANDS[feature](cantilever()))
         pairs = made.MEETING[feature]
-        gaps[feature] = _largest(found.position(*one) - found.position(*other) for one, other in pairs)
-    worst = max(gaps, key=gaps.__getitem__)
-    return gaps[worst] / LENGTH, 1e-6, f"of the length, {worst}"
+        gaps[feature] = _largest(found.position(*a) - found.position(*b) for a, b in pairs) / LENGTH
+    return worst(gaps, 1e-6, "the length")
 
 
 @rule("features", "drives, bodies, guides, connectors, loads and damping do what they do in another solver")
@@ -239,15 +243,11 @@ def features_act(s: Subject) -> Found:
     other = Subject(name, registry.load(name))
     found = {feature: _difference(s, other, feature) for feature in sorted(made.ACTING)}
     known = {feature: off for feature, off in found.items() if off is not None}
-    wrong = [f"{feature} ({off:.2g})" for feature, off in known.items() if not off <= ALLOWED]
-    if wrong:
+    if wrong := ", ".join(f"{feature} ({off:.2g})" for feature, off in known.items() if not off <= ALLOWED):
         raise BrokenRule(
-            f"effects differ by more than {ALLOWED:g} of them from those in another solver: {', '.join(wrong)}"
+            f"effects differ by more than {ALLOWED:g} of them from those in another solver: {wrong}"
         )
-    if not known:
-        return "lacks all of them"
-    worst = max(known, key=lambda feature: known[feature])
-    return known[worst], ALLOWED, f"of the effect of {worst}, the worst of {len(known)}"
+    return worst(known, ALLOWED, "the effect") if known else "lacks all of them"
 
 
 def _difference(s: Subject, other: Subject, feature: str) -> float | None:
@@ -281,29 +281,19 @@ def rests_exactly(s: Subject) -> Found:
         if found.t[0] != 0.0 or abs(found.t[-1] - 1.0) > 1e-12:
             raise BrokenRule(f"load factors from {found.t[0]:g} to {found.t[-1]:g}")
         off = np.linalg.norm(found.displacement("bar.end")[-1] - exact)
-        errors[element] = float(off / np.linalg.norm(exact))
-    worst = max(errors, key=errors.__getitem__)
-    return (
-        errors[worst],
-        0.01,
-        f"of the way, {worst} from {s.offer.limits[worst]}, the worst of {len(errors)}",
-    )
+        errors[f"{element} from {limit}"] = float(off / np.linalg.norm(exact))
+    return worst(errors, 0.01, "the way")
 
 
 @rule("stability", "a column is unstable above Euler's load", "statics", "stability")
 def reports_stability(s: Subject) -> Found:
     euler = np.pi**2 * EI / (4.0 * LENGTH**2)
     for factor, wanted in ((0.7, "ok"), (1.5, "unstable")):
-        status = s.static(made.pressed(at.Force("bar.end", (-factor * euler, 0.0)))).status
+        load = at.Force("bar.end", (-factor * euler, 0.0))
+        status = s.static(cantilever(0.0, loads=(load,))).status
         if status.code != wanted:
             raise BrokenRule(f"status {status} at {factor} times Euler's load; {wanted!r} is needed")
     return "ok at 0.7, unstable at 1.5 times Euler's load"
-
-
-def _off_reference(found: Solution, scene: Scene) -> float:
-    (body,) = scene.beams
-    off = _largest(found.position("bar", f)[0] - np.array(body.position_at(f)) for f in FRACTIONS)
-    return off / LENGTH
 
 
 def _largest(differences: Any) -> float:

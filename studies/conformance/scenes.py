@@ -27,20 +27,13 @@ def bar(name: str = "bar", start: Point = (0.0, 0.0), angle: float = 0.0) -> at.
     return at.Beam(name, start, end, SECTION, MATERIAL)
 
 
-def cantilever(gravity: float = GRAVITY, angle: float = 0.0, start: Point = (0.0, 0.0)) -> Scene:
-    """Clamped, and let go in gravity; all of it turned and moved."""
+def cantilever(
+    gravity: float = GRAVITY, angle: float = 0.0, start: Point = (0.0, 0.0), **parts: Any
+) -> Scene:
+    """Clamped, and let go in gravity; all of it turned and moved; with other loads or joints."""
     down = (gravity * sin(angle), -gravity * cos(angle))
-    return Scene("cantilever", (bar(start=start, angle=angle),), (at.Clamp("bar.start"),), gravity=down)
-
-
-def falling() -> Scene:
-    """Without joints."""
-    return Scene("free bar", (bar(),), gravity=(0.0, -GRAVITY))
-
-
-def pressed(*loads: Any) -> Scene:
-    """Clamped, under loads alone."""
-    return Scene("loaded cantilever", (bar(),), (at.Clamp("bar.start"),), loads)
+    parts = {"joints": (at.Clamp("bar.start"),), **parts}
+    return Scene("cantilever", (bar(start=start, angle=angle),), gravity=down, **parts)
 
 
 # --- changes ---------------------------------------------------------------------------------------------------

@@ -84,6 +84,7 @@ class Result:
     shown: tuple[str, ...] = ()  # names of the tables that a terminal shows
     left_out: str = ""  # parts that a quick run leaves out, as the end of a sentence
     good: bool = True  # at least one run answered
+    case: str = ""  # its name; empty where the study has scenes of its own
 
     def table(self, name: str) -> Table:
         """The table of a name."""

@@ -14,15 +14,6 @@ from anctmm.results.solution import Solution
 
 FOLDER = Path(__file__).parent
 SCENES, PICTURES, PAGE = FOLDER / "scenes", FOLDER / "pictures", FOLDER / "README.md"
-HEAD = """# Gallery
-
-Short scenes, each a file with its settings and a value that is known independently. The tests run them all.
-Each file is a case: `anctmm run studies/gallery/scenes/bridge.py` runs it, and the studies accept it, too.
-The pictures are those of `solution.plot()`.
-
-`python -m studies.gallery` writes this page and its pictures. A new scene is a new file in `scenes/` with a docstring
-("Title: text"), `CASES`, `RUN` (the settings) and `known(solution)`.
-"""
 
 
 def scenes() -> dict[str, Mapping[str, Any]]:
@@ -49,8 +40,8 @@ def solved(names: Mapping[str, Any]) -> Solution:
 
 
 def write() -> None:
-    """Run all scenes; write the pictures and the page."""
-    parts = [HEAD]
+    """Run all scenes; write the pictures, and the page below its introduction."""
+    parts = [PAGE.read_text(encoding="utf-8").partition("\n## ")[0]]
     for name, names in scenes().items():
         found = solved(names)
         with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "path.simplify_threshold": 0.5}):

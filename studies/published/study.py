@@ -23,19 +23,19 @@ EXUDYN = "Exudyn, test models"
 NACHBAGAUER = "Nachbagauer et al. 2011, 10.1007/s11044-011-9249-8"
 WRIGHT = "Wright et al. 1982, J. Appl. Mech. 49, 197–202"
 SIMO = "Simo & Vu-Quoc 1986, J. Appl. Mech. 53, 855–863"
-IVP = "Test Set for Initial Value Problem Solvers, tolerance 1e-14"
+IVP = "Test Set for Initial Found Problem Solvers, tolerance 1e-14"
 SHEAR = "needs Reissner's beam: the paper's shear element has Green's strains and locks for ν > 0"
 COARSE = "on the published mesh of linear elements of Exudyn's beam of Reissner's kind"
 
 
-class Value(NamedTuple):
+class Found(NamedTuple):
     """A value with the uncertainty of its discretisation; 0 where the published number is for the same mesh."""
 
-    value: float
+    found: float
     uncertainty: float = 0.0
 
 
-def converged(compute: Callable[[int], float], meshes: Sequence[int]) -> Value:
+def converged(compute: Callable[[int], float], meshes: Sequence[int]) -> Found:
     """Richardson's limit of a value on three meshes, each twice the one before.
 
     The uncertainty is the last change divided by 2^p − 1, p the observed order (at most the change itself).
@@ -43,9 +43,9 @@ def converged(compute: Callable[[int], float], meshes: Sequence[int]) -> Value:
     values = [compute(mesh) for mesh in meshes]
     before, last = values[-2] - values[-3], values[-1] - values[-2]
     if abs(before) <= 2.0 * abs(last):
-        return Value(values[-1], abs(last))
+        return Found(values[-1], abs(last))
     left = last / (abs(before / last) - 1.0) if last else 0.0
-    return Value(values[-1] + left, abs(left))
+    return Found(values[-1] + left, abs(left))
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Published:
     finest: int = 0  # elements of the finest of three meshes; a quick run halves them
     note: str = ""
     kind: str = (
-        "printed"  # or "mesh": of one mesh, of `finest` elements; "exact": a formula; "curve": read off one
+        "printed"  # or "mesh": of one, of `finest` elements; "exact": a formula; "curve": read off one
     )
 
     @property
@@ -81,11 +81,11 @@ class Published:
             return OFF[self.kind] * abs(self.value)
         return 0.5 * 10.0 ** int(Decimal(self.printed).as_tuple().exponent)
 
-    def found(self, quick: bool) -> Value:
+    def found(self, quick: bool) -> Found:
         """The value found here."""
         assert self.find
         if self.kind == "mesh":
-            return Value(self.find(self.finest))
+            return Found(self.find(self.finest))
         finest = self.finest // 2 if quick else self.finest
         return converged(self.find, (finest // 4, finest // 2, finest))
 
@@ -154,17 +154,15 @@ def _row(entry: Published, quick: bool) -> dict[str, Any]:
     except AnctmmError as error:
         return {**row, "verdict": f"not run: {error}"}
     digits, verdict = judged(entry, found)
-    return {
-        **row, "found": found.value, "uncertainty": found.uncertainty, "digits": digits, "verdict": verdict,
-    }  # fmt: skip
+    return {**row, **found._asdict(), "digits": digits, "verdict": verdict}
 
 
-def judged(entry: Published, found: Value) -> tuple[int, str]:
+def judged(entry: Published, found: Found) -> tuple[int, str]:
     """Confirmed digits, and the verdict in words."""
-    difference, allowed = abs(found.value - entry.value), entry.uncertainty + found.uncertainty
+    difference, allowed = abs(found.found - entry.value), entry.uncertainty + found.uncertainty
     if entry.kind not in OFF and difference + found.uncertainty <= entry.uncertainty:
         return entry.digits, f"confirmed as printed ({entry.digits} digits)"
-    size = max(abs(found.value), abs(entry.value))
+    size = max(abs(found.found), abs(entry.value))
     digits = min(entry.digits, _digits(size, difference), _digits(size, found.uncertainty))
     if difference > allowed and digits < FEW:
         return digits, f"contradicted: difference {difference:.2g} {entry.unit}, {allowed:.1g} allowed"
@@ -183,15 +181,12 @@ def _digits(size: float, error: float) -> int:
 
 def findings(frame: pd.DataFrame) -> tuple[str, ...]:
     """The table in sentences: counts of the verdicts, and each number that is not simply confirmed."""
-    kinds = {
-        "confirmed as printed": "confirmed as printed", "confirmed to": "confirmed to fewer digits",
-        "undecided": "undecided", "contradicted": "contradicted", "not ": "not compared",
-    }  # fmt: skip
     verdict = frame["verdict"].str
-    counts = [(int(verdict.startswith(kind).sum()), words) for kind, words in kinds.items()]
+    kinds = ("confirmed as printed", "confirmed to", "undecided", "contradicted", "not comparable", "not run")
+    counts = {kind: int(verdict.startswith(kind).sum()) for kind in kinds}
+    in_all = ", ".join(f"{n} {kind.replace(' to', ' to fewer digits')}" for kind, n in counts.items() if n)
     special = frame[verdict.contains("not beyond") | verdict.startswith(("contradicted", "not "))]
     sentences = (f"{r.problem}, {r.quantity}: {r.verdict} ({r.source})." for r in special.itertuples())
-    in_all = ", ".join(f"{count} {words}" for count, words in counts if count)
     return (f"Of {len(frame)} published numbers {in_all}.", *sentences)
 
 

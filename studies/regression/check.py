@@ -17,14 +17,8 @@ import numpy as np
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.engine.files import check_writable
-from studies.regression.history import (
-    FIRST,
-    History,
-    Tolerance,
-    quantity_of,
-    read_history,
-    write_history,
-)
+from studies.engine.trials import not_installed
+from studies.regression.history import FIRST, History, Tolerance, quantity_of, read_history, write_history
 from studies.regression.reading import READABLE, answered
 from studies.regression.scenes import CheckError, Task
 from studies.regression.tolerance import measured
@@ -157,12 +151,11 @@ def _own(task: Task, status: Status, history: History | None, baselines: Path) -
     """A run against its own stored history."""
     path = task.path(baselines)
     if history is None:
-        unsupported = status.code == "unsupported"
-        absent = status.code == "absent" or (unsupported and "not installed" in status.message)
+        absent = status.code == "absent" or not_installed(status)
         # what was stored could be run once: that the solver now says it cannot is a change
-        verdict = NOT_RUN if absent or (unsupported and not path.exists()) else FAILED
+        new = status.code == "unsupported" and not path.exists()
         wanted = "" if task.ends == "ok" else f"it must end as {task.ends!r}, and ended "
-        return Finding(task.name, verdict, f"{wanted}{status}")
+        return Finding(task.name, NOT_RUN if absent or new else FAILED, f"{wanted}{status}")
     if not path.exists():
         return Finding(task.name, MISSING, f"{path} is not there; --update makes it")
     try:

@@ -21,18 +21,7 @@ from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from studies.regression.history import History, label, samples
 from studies.regression.readable import SOLVERS as READABLE
-from studies.regression.scenes import (
-    COMPARED,
-    FORCES,
-    FROM_REST,
-    MODES,
-    Motion,
-    Read,
-    Static,
-    Task,
-    motions_of,
-    settings_of,
-)
+from studies.regression.scenes import Motion, Read, Static, Task, motions_of, settings_of
 
 Array = NDArray[np.float64]
 #: Heads of columns with their values, (n,) each.
@@ -75,18 +64,18 @@ def answered(task: Task) -> tuple[Status, History | None]:
 def _run(task: Task) -> tuple[Status, History | None]:
     """How the run of a task ended, and its history; None where it did not end as it must."""
     run, what = task.run, getattr(task.run, "what", "")
-    if isinstance(run, Read) and what == MODES:
+    if isinstance(run, Read) and what == "modes":
         return Status(), _table("mode", _modes(task, run))
     solutions = [solution_of(task, one) for one in motions_of(run)]
     status = next((s.status for s in solutions if not s.status.ok), Status())
     if status.code != task.ends:
         return status, None
     found = solutions[0]
-    if what == COMPARED:
+    if what == "compared with":
         comparison = at.compare(found, solutions[1], task.probes)
         errors = np.array([comparison.error, comparison.largest, *comparison.by_probe.values()])
         return status, _table("probe", iter([(label("relative error"), errors)]))
-    columns = _forces(_saved(found)) if what == FORCES else _motion(task, found)
+    columns = _forces(_saved(found)) if what == "forces" else _motion(task, found)
     return status, _history(motions_of(run)[0], found, columns)
 
 
@@ -98,7 +87,7 @@ def solution_of(task: Task, run: Motion) -> Solution:
         static = registry.static_of(name, solver)
         answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
     else:
-        if getattr(task.run, "what", "") == FROM_REST:
+        if getattr(task.run, "what", "") == "start=rest":
             still = Static(run.mesh, run.element, run.quadrature, run.newton_tolerance)
             options["start"] = registry.static_of(name, solver)(task.scene, still.discretisation)
         answer = solver(task.scene, run, **options)

@@ -56,25 +56,22 @@ def junit(findings: Sequence[Finding]) -> str:
     """JUnit XML: a suite a scene, a case a comparison."""
     xml = ElementTree.Element("testsuites", name="anctmm check")
     for scene, group in groupby(findings, key=lambda f: f.name.split("/")[0]):
-        cases = list(group)
-        outcomes = [
-            "" if f.good and f.verdict != NOT_RUN else OUTCOMES.get(f.verdict, "failure") for f in cases
-        ]
-        counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
-        number = {k: str(outcomes.count(v)) for k, v in counts.items()} | {"tests": str(len(cases))}
-        suite = ElementTree.SubElement(xml, "testsuite", {"name": scene, **number})
-        for f, outcome in zip(cases, outcomes, strict=True):
+        suite = ElementTree.SubElement(xml, "testsuite", name=scene)
+        for f in group:
             _, run, title = f.title.split("/")
             about = {"name": title, "classname": f"{scene}.{run}", "time": f"{f.wall_s:.3f}"}
             case = ElementTree.SubElement(suite, "testcase", about)
-            if outcome:
-                sizes = (
-                    f"{f.where} differs by {f.difference:.2g}, allowed are {f.tolerance:.2g}"
-                    if f.where
-                    else ""
+            if not f.good or f.verdict == NOT_RUN:
+                sizes = f"{f.where} differs by {f.difference:.2g}, allowed are {f.tolerance:.2g}" * bool(
+                    f.where
                 )
                 text = "".join(c if c.isprintable() else " " for c in f"{f.verdict}: {f.reason}; {sizes}")
+                outcome = OUTCOMES.get(f.verdict, "failure")
                 ElementTree.SubElement(case, outcome, message=text, type=f.verdict)
+        counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
+        for name, outcome in counts.items():
+            suite.set(name, str(len(suite.findall(f"testcase/{outcome}"))))
+        suite.set("tests", str(len(suite)))
     return ElementTree.tostring(xml, encoding="unicode", xml_declaration=True)
 
 

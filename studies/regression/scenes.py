@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, shown
@@ -53,14 +53,11 @@ class Static:
     @property
     def discretisation(self) -> Discretisation:
         """What a static solver needs to know; raises what Discretisation raises."""
-        return Discretisation(
-            self.mesh, self.element, self.quadrature, newton_tolerance=self.newton_tolerance
-        )
+        tight = self.newton_tolerance
+        return Discretisation(self.mesh, self.element, self.quadrature, newton_tolerance=tight)
 
 
 Motion = Discretisation | Static
-#: Kinds of `Read`, as they stand in the settings of stored histories.
-FROM_REST, FORCES, COMPARED, MODES = "start=rest", "forces", "compared with", "modes"
 
 
 @dataclass(frozen=True)
@@ -70,15 +67,15 @@ class Read:
     Parameters
     ----------
     what : str
-        FROM_REST: the motion from the static equilibrium under the loads of t = 0. FORCES: reactions, section forces
-        and tensions, after the run was saved and loaded. COMPARED: `anctmm.compare` of two runs, the second one the
-        reference. MODES: natural ones about the equilibrium, or in a steady spin.
+        "start=rest": the motion from the static equilibrium under the loads of t = 0. "forces": reactions, section
+        forces and tensions, after the run was saved and loaded. "compared with": `anctmm.compare` of two runs, the
+        second one the reference. "modes": natural ones about the equilibrium, or in a steady spin.
     runs : tuple
     spin : float
         rad/s.
     """
 
-    what: str
+    what: Literal["start=rest", "forces", "compared with", "modes"]  # as in the settings of stored histories
     runs: tuple[Motion, ...]
     spin: float = 0.0
 
@@ -94,7 +91,7 @@ def motions_of(run: Run) -> tuple[Motion, ...]:
 def settings_of(run: Run) -> str:
     """A run in words: a history is compared with one of the same settings only."""
     if isinstance(run, Read):
-        what = f"modes=6, at_rest={not run.spin}, spin={run.spin:g}" if run.what == MODES else run.what
+        what = f"modes=6, at_rest={not run.spin}, spin={run.spin:g}" if run.what == "modes" else run.what
         parts = [*map(settings_of, run.runs)]
         parts.insert(len(parts) // 2, what)  # between two runs, before one
         return ", ".join(parts)
@@ -151,21 +148,20 @@ class Watch:
             raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
         whose = f"of {self.scene.name!r}"
         for name, kind in (("probes", list | tuple), ("solvers", list | tuple), ("runs", Mapping)):
-            value, what = getattr(self, name), "mapping" if name == "runs" else "list"
+            value, needed = (
+                getattr(self, name),
+                f"a {'mapping' if name == 'runs' else 'list'} of at least one",
+            )
             if not isinstance(value, kind) or not value:
-                raise CheckError(
-                    f"Watch {whose} has {name} {shown(value)}; a {what} of at least one is needed"
-                )
+                raise CheckError(f"Watch {whose} has {name} {shown(value)}; {needed} is needed")
         for name, run in self.runs.items():
             if not isinstance(run, Run):
-                raise CheckError(
-                    f"run {name!r} {whose} is {shown(run)}; a Discretisation or a Static is needed"
-                )
+                wrong = f"run {name!r} {whose} is {shown(run)}"
+                raise CheckError(f"{wrong}; a Discretisation or a Static is needed")
         for name in (self.scene.name, *self.runs, *self.solvers):
             if not isinstance(name, str) or not PLAIN.fullmatch(name):
-                raise CheckError(
-                    f"name {shown(name)} {whose} becomes a file's; letters, digits, _ . + - are needed"
-                )
+                wrong = f"name {shown(name)} {whose} becomes a file's"
+                raise CheckError(f"{wrong}; letters, digits, _ . + - are needed")
         for probe in self.probes:
             self.scene.probe(probe)
 
@@ -209,7 +205,6 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
     """The WATCHED of a user's Python file, which may import its neighbours; CheckError if there is none."""
     found = defined_in(path, "WATCHED", CheckError, "--scenes")
     if not found or not isinstance(found, list | tuple) or not all(isinstance(w, Watch) for w in found):
-        raise CheckError(
-            f"--scenes {path} defines WATCHED = {shown(found)}; a list of at least one Watch is needed"
-        )
+        wrong = f"--scenes {path} defines WATCHED = {shown(found)}"
+        raise CheckError(f"{wrong}; a list of at least one Watch is needed")
     return tuple(found)

@@ -2,7 +2,8 @@
 
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -20,15 +21,7 @@ from studies.report.plots import write_picture
 DRAWN = ("trade",)
 
 
-@dataclass(frozen=True)
-class Done:
-    """A study's answer for one case; the case is empty where the study has scenes of its own."""
-
-    case: str
-    result: Result
-
-
-def run_study(name: str, options: Options, runner: Runner) -> Iterator[Done]:
+def run_study(name: str, options: Options, runner: Runner) -> Iterator[Result]:
     """Answers of a study, one a case; the built-in scenes where none is given.
 
     Raises
@@ -39,13 +32,13 @@ def run_study(name: str, options: Options, runner: Runner) -> Iterator[Done]:
     """
     check_taken(options, name)
     if "cases" not in TAKEN[name]:
-        yield Done("", find(name)(options, runner))
+        yield find(name)(options, runner)
         return
     refused: list[StudyError] = []
     cases = options.cases or defaults(name)
     for case in cases:
         try:
-            yield Done(case.name, find(name)(replace(options, cases=(case,)), runner))
+            yield replace(find(name)(replace(options, cases=(case,)), runner), case=case.name)
         except StudyError as error:
             refused.append(error)
             print(f"anctmm: {case.name} is left out: {error}", file=sys.stderr)
@@ -53,16 +46,14 @@ def run_study(name: str, options: Options, runner: Runner) -> Iterator[Done]:
         raise refused[-1]
 
 
-def run_all(cases: tuple[Case, ...] | None, quick: bool, runner: Runner) -> Iterator[Done]:
+def run_all(cases: tuple[Case, ...] | None, quick: bool, runner: Runner) -> Iterator[Result]:
     """Answers of all studies; of cases those of the studies that take cases."""
     fitting = 0
     for name in STUDIES if cases is None else [n for n in STUDIES if "cases" in TAKEN[n]]:
-        try:
-            for done in run_study(name, Options(quick=quick, cases=cases), runner):
+        with suppress(StudyError):  # said already
+            for result in run_study(name, Options(quick=quick, cases=cases), runner):
                 fitting += 1
-                yield done
-        except StudyError:
-            continue  # said already
+                yield result
     if not fitting:
         raise StudyError("no study fits the cases, as said above")
 
@@ -73,30 +64,30 @@ def defaults(name: str) -> list[Case]:
     return [*scenes.moving_scenes(), *(resting if name == "convergence" else [])]
 
 
-def write_study(done: Done, out: Path) -> Path:
+def write_study(result: Result, out: Path) -> Path:
     """Write tables and pictures to `<out>/<case>/<study>/` and return that directory."""
-    folder = out / file_name(done.case) / done.result.name if done.case else out / done.result.name
-    for table in done.result.tables:
+    folder = out / file_name(result.case) / result.name if result.case else out / result.name
+    for table in result.tables:
         write_table(table, folder)
-    for picture in done.result.pictures:
+    for picture in result.pictures:
         write_picture(picture, folder)
     write_machine(folder)
     return folder
 
 
 def write_report(
-    done: Sequence[Done], folder: Path, quick: bool, words: tuple[str | None, str | None]
+    results: Sequence[Result], folder: Path, quick: bool, words: tuple[str | None, str | None]
 ) -> None:
     """Write `<folder>/index.html`, and the tables of each study, of all cases together, beside it."""
-    names = dict.fromkeys(d.result.name for d in done)
-    joined = [join([d.result for d in done if d.result.name == name]) for name in names]
+    names = dict.fromkeys(r.name for r in results)
+    joined = [join([r for r in results if r.name == name]) for name in names]
     for result in joined:
         for table in result.tables:
             write_table(table, folder / result.name, readable=False)
         for picture in result.pictures if result.name in DRAWN else ():
             write_picture(picture, folder / result.name)
     write_machine(folder)
-    cases = list(dict.fromkeys(d.case for d in done if d.case))
+    cases = list(dict.fromkeys(r.case for r in results if r.case))
     atomic_write(folder / "index.html", page(joined, cases, quick, words))
 
 

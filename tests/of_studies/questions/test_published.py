@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from studies.published import study
-from studies.published.study import PUBLISHED, Published, Value, converged, judged, published
+from studies.published.study import PUBLISHED, Found, Published, converged, judged, published
 
 #: Digits of each problem that are confirmed on the quick meshes; a fall is a fault here or there.
 CONFIRMED = {
@@ -43,16 +43,16 @@ def test_andrews_squeezer_is_the_published_one():
 @pytest.mark.parametrize(
     ("printed", "kind", "found", "digits", "verdict"),
     [
-        ("3.5160", "printed", Value(3.51601, 1e-5), 5, "confirmed as printed"),
-        ("3.5160", "printed", Value(3.51604, 2e-5), 4, "confirmed to"),
-        ("3.5160", "printed", Value(3.5171), 3, "confirmed to 3 digits, not beyond"),
-        ("3.5160", "printed", Value(3.7, 0.3), 1, "confirmed to 1 digit"),
-        ("3.5160", "printed", Value(3.0, 4.0), 0, "undecided"),
-        ("3.5160", "printed", Value(3.9), 1, "contradicted: difference 0.38 Hz, 5e-05 allowed"),
-        ("0.5", "exact", Value(0.5, 1e-9), 8, "confirmed to 8 digits"),
-        ("0.5", "exact", Value(0.5 + 1e-9, 1e-12), 8, "confirmed to 8 digits, not beyond"),
-        ("0.500", "curve", Value(0.504, 1e-5), 2, "confirmed to 2 digits"),
-        ("0.500", "curve", Value(0.6, 1e-5), 0, "contradicted"),
+        ("3.5160", "printed", Found(3.51601, 1e-5), 5, "confirmed as printed"),
+        ("3.5160", "printed", Found(3.51604, 2e-5), 4, "confirmed to"),
+        ("3.5160", "printed", Found(3.5171), 3, "confirmed to 3 digits, not beyond"),
+        ("3.5160", "printed", Found(3.7, 0.3), 1, "confirmed to 1 digit"),
+        ("3.5160", "printed", Found(3.0, 4.0), 0, "undecided"),
+        ("3.5160", "printed", Found(3.9), 1, "contradicted: difference 0.38 Hz, 5e-05 allowed"),
+        ("0.5", "exact", Found(0.5, 1e-9), 8, "confirmed to 8 digits"),
+        ("0.5", "exact", Found(0.5 + 1e-9, 1e-12), 8, "confirmed to 8 digits, not beyond"),
+        ("0.500", "curve", Found(0.504, 1e-5), 2, "confirmed to 2 digits"),
+        ("0.500", "curve", Found(0.6, 1e-5), 0, "contradicted"),
     ],
 )
 def test_verdicts(printed, kind, found, digits, verdict):
@@ -67,8 +67,8 @@ def test_uncertainties_of_printed_numbers():
 
 def test_limits_of_meshes():
     exact = converged(lambda n: 2.0 + 3.0 / n**4, (4, 8, 16))
-    assert exact.value == pytest.approx(2.0, abs=1e-12)
+    assert exact.found == pytest.approx(2.0, abs=1e-12)
     assert exact.uncertainty == pytest.approx(3.0 / 16**4, rel=1e-9)
     noisy = converged(lambda n: 1.0 + (-1.0) ** np.log2(n) * 1e-9, (4, 8, 16))
-    assert abs(noisy.value - 1.0) <= noisy.uncertainty
-    assert converged(lambda n: 5.0, (1, 2, 4)).value == 5.0
+    assert abs(noisy.found - 1.0) <= noisy.uncertainty
+    assert converged(lambda n: 5.0, (1, 2, 4)).found == 5.0

@@ -138,10 +138,10 @@ def test_a_ratio_has_its_part_of_the_corrections():
 def test_recommendations_are_found_where_the_study_writes_and_meet_their_target(
     tmp_path, monkeypatch, result
 ):
-    from studies.report.whole import Done, write_study
+    from studies.report.whole import write_study
 
     monkeypatch.chdir(tmp_path)
-    write_study(Done(CASE.name, result), Path("results"))
+    write_study(replace(result, case=CASE.name), Path("results"))
     measured = recommend.find(CASE)
     assert measured.origin == "results/arm/trade"
     choice = recommend.choose(recommend.narrowed(measured.points, CASE.name, Options()), 1e-2, None)

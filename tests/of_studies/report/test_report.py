@@ -15,7 +15,7 @@ from studies.engine.study import Answer, Options, Result, StudyError
 from studies.engine.tables import Table, write_table
 from studies.report.page import html, page
 from studies.report.plots import look_of, picture
-from studies.report.whole import Done, defaults, join, run_study, write_report
+from studies.report.whole import defaults, join, run_study, write_report
 
 FRAME = pd.DataFrame({
     "scene": ["a <b>", "a <b>"], "error": [1e-5, 1e-2], "reference_error": [1e-4, 1e-4], "cpu_s": [0.1, 0.2],
@@ -44,13 +44,13 @@ def test_the_page_has_all_its_parts_and_no_mark_of_a_table():
 
 
 def test_a_report_has_one_table_of_all_cases_and_none_of_a_study_alone(tmp_path):
-    done = [Done(case, made(place="study", case=case)) for case in "ab"]
+    done = [replace(made(place="study", case=case), case=case) for case in "ab"]
     write_report(done, tmp_path, False, (None, None))
     assert {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()} == {
         "index.html", "machine.json", "trade/best.csv", "trade/front_a.svg", "trade/front_b.svg",
     }  # fmt: skip
     assert len(pd.read_csv(tmp_path / "trade" / "best.csv")) == 4
-    assert join([d.result for d in done]).findings == ("a: a finding of `code`.", "b: a finding of `code`.")
+    assert join(done).findings == ("a: a finding of `code`.", "b: a finding of `code`.")
 
 
 def test_tables_have_their_commit(tmp_path):
@@ -94,8 +94,8 @@ def report(tmp_path_factory):
 @pytest.mark.slow
 def test_the_report_of_cases_has_all_studies_in_few_files(report):
     done, folder = report
-    assert all(one.result.good for one in done)
-    assert {one.result.name for one in done} == {"trade", "convergence", "fidelity", "extremes"}
+    assert all(one.good for one in done)
+    assert {one.name for one in done} == {"trade", "convergence", "fidelity", "extremes"}
     files = [p for p in folder.rglob("*") if p.is_file()]
     assert len(files) <= 40
     assert sum(p.stat().st_size for p in files) < 4e6
