@@ -93,8 +93,10 @@ def iterate(
             return True
         if iteration > 0 and contraction > TOO_SLOW:
             state.counts[2] = 1
-            stalls += 1 if change < ROUNDING else 0
-            growths += 1 if change > last else 0
+            if change < ROUNDING:
+                stalls += 1
+            elif change > last:
+                growths += 1
             if growths > state.limits[2]:
                 break
             if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
