@@ -20,7 +20,7 @@ from anctmm.integrators.alpha import means_of
 from anctmm.integrators.controlled import attempt_alpha, attempt_esdirk, take
 from anctmm.integrators.diagnosis import failed_step
 from anctmm.integrators.esdirk import scheme_of
-from anctmm.integrators.fixed import rate_of, settle
+from anctmm.integrators.fixed import settle, stiffen
 from anctmm.integrators.output import Record
 from anctmm.integrators.starting import started
 from anctmm.integrators.state import State
@@ -29,7 +29,6 @@ from anctmm.model.drives import breaks_of
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
-from anctmm.system.elastic import stiffened
 from anctmm.system.system import Inputs, System
 
 Array = NDArray[np.float64]
@@ -222,7 +221,7 @@ class March:
 
     def renew_matrix(self, h: float) -> None:
         """Have the matrix formed anew, for a step of h: damping adds to the stiffness by it."""
-        stiffened(self.system.mesh, self.system.tables.elements, rate_of(self.run.method, h))
+        stiffen(self.system, h)
         self.state.counts[2] = 1
 
     def accept(self, error: float, h: float, end: Stop, restart: bool) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai, stages
+from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai, stages
 from anctmm.integrators import alpha, esdirk, explicit
 from anctmm.integrators.diagnosis import failed_step
 from anctmm.integrators.output import Record
@@ -21,14 +21,15 @@ from anctmm.system.system import System
 Batch = Callable[[int, int], int]
 
 
-def rate_of(method: Method, h: float) -> float:
-    """Derivative of velocities by coordinates in an implicit step of h (s), 1/s."""
-    match method:
-        case GeneralizedAlpha():
-            return method.gamma / (method.beta * h)
+def stiffen(system: System, h: float) -> None:
+    """Set the constants of the matrix for implicit steps of h (s): damping adds τ dv/dq to the stiffness."""
+    rate = 0.0
+    match system.run.method:
+        case GeneralizedAlpha() as method:
+            rate = method.gamma / (method.beta * h)
         case Esdirk():
-            return 1.0 / (float(stages().A[1, 1]) * h)
-    return 0.0
+            rate = 1.0 / (float(stages().A[1, 1]) * h)
+    stiffened(system.mesh, system.tables.elements, rate)
 
 
 def integrate(system: System, start: Solution | None = None) -> Solution:
@@ -77,7 +78,7 @@ def settle(system: System, record: Record, state: State, count: int) -> None:
 def batch_of(system: System, state: State, record: Record) -> Batch:
     """What takes the steps that lead to states begin … end − 1, by the integrator of the run."""
     run, tables, shapes, out = system.run, system.tables, (system.size, system.space), record.out
-    stiffened(system.mesh, tables.elements, rate_of(run.method, run.exact_dt))
+    stiffen(system, run.exact_dt)
     match run.method:
         case Zhai():
             fixed = explicit.Numbers(
