@@ -18,6 +18,8 @@ from anctmm.errors import AnctmmError, PropertyError, reason, shown, unknown_opt
 
 Array = NDArray[np.float64]
 
+#: Rounding of a double near 1.
+EPS = float(np.finfo(float).eps)
 #: Largest size of any number, and smallest of one that is not zero: their products of a few do not overflow.
 LARGEST, SMALLEST = 1e100, 1e-100
 #: Sizes of lengths and places, m.

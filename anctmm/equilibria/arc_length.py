@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.equilibria.balance import Balance, Configuration, Tangent
-from anctmm.equilibria.load_path import HALF
+from anctmm.equilibria.load_path import HALF, ROUNDING
 
 Array = NDArray[np.float64]
 
@@ -32,8 +32,6 @@ LIMIT = 1e-7
 EXACT = 1e-12
 #: Points tried until a limit point, or the whole load, is found.
 TRIED = 60
-#: Corrections that no longer fall count as rounding below this size.
-ROUNDING = 1e-6
 
 
 class Point(NamedTuple):

@@ -21,6 +21,7 @@ from anctmm.system.matrix import gather, scatter
 from anctmm.system.rows import REGULARISATION, set_rows
 from anctmm.system.system import System
 from anctmm.system.tables import Inputs, Tables
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 
@@ -230,7 +231,7 @@ class Balance:
     @property
     def least_shift(self) -> float:
         """A shift of the order of the rounding of K x = λ M x, 1/s²."""
-        return 16.0 * float(np.finfo(float).eps) * self.largest_square
+        return 16.0 * EPS * self.largest_square
 
     def moved(self, at: Configuration, x: Array, more: Array | float = 0.0) -> Configuration:
         """A configuration changed by x, (unknowns,), and multipliers by `more`; no section turns by half a turn."""

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.equilibria.balance import Balance, Configuration, Tangent
-from anctmm.equilibria.stability import EPS, stability_of
+from anctmm.equilibria.stability import stability_of
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from anctmm.equilibria.balance import Balance, Configuration, Tangent
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 
 #: Unknowns up to which all motions are found, of those with rates, and the softest ones that are looked at beyond.
 DENSE, RATES, SOFTEST, LOWEST = 1_500, 600, 100, 6
-EPS = float(np.finfo(float).eps)
 #: Part of the sum of absolute terms of x·K x that is its rounding, for coordinates of the scene's size.
 ROUNDING = 16.0 * EPS
 #: Part of the largest eigenvalue that the rounding of multipliers gives motions that nothing holds.

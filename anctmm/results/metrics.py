@@ -13,11 +13,10 @@ from anctmm.model.bodies import distance
 from anctmm.model.scene import Beam, Probe, Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
-from anctmm.validation import several
+from anctmm.validation import EPS, several
 
 Array = NDArray[np.float64]
 
-EPS = float(np.finfo(float).eps)
 #: Roundings of positions, m, below which a probe rests: a support moves by a few of them, a free body by more.
 ROUNDINGS = 1e3
 #: Part of the steps in the finer run that measures the error of time stepping.

@@ -15,7 +15,8 @@ from scipy import linalg, sparse
 from scipy.sparse import linalg as iterative
 
 from anctmm.errors import DiscretisationError, SolverError
-from anctmm.small_motions.linearised import EPS, SmallMotions
+from anctmm.small_motions.linearised import SmallMotions
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -26,11 +26,11 @@ from anctmm.system.elastic import stiffened
 from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.rows import REGULARISATION
 from anctmm.system.system import System
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 Sparse = Any
 
-EPS = float(np.finfo(np.float64).eps)
 #: A rate, 1/s, beside whose damping forces all others vanish.
 FAST = 1e30
 #: Part of Ω² by which that of a matrix of Newton's iteration is larger.

@@ -17,6 +17,7 @@ from anctmm.model.checks.conditions import Condition, conditions_of, slope_of
 from anctmm.model.joints import JOINTS, Guide, Joint, check_drive
 from anctmm.model.places import Graph, Place
 from anctmm.model.rigid_bodies import RigidBody
+from anctmm.validation import EPS
 
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9
@@ -93,7 +94,7 @@ def _gap(place: Place, axis: int) -> float:
     """What the position of a place (0), or an axis, may be off by."""
     if axis:
         return GAP
-    return GAP * place.body.extent + 8 * float(np.finfo(float).eps) * max(map(abs, place.position))
+    return GAP * place.body.extent + 8 * EPS * max(map(abs, place.position))
 
 
 class _Held:

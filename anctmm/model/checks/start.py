@@ -15,6 +15,7 @@ from anctmm.model.bodies import Beam
 from anctmm.model.checks.conditions import Condition, axes_of, conditions_of, rate_of
 from anctmm.model.places import Graph, Place
 from anctmm.model.velocities import turned
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,6 @@ MADE = (
     "anctmm.consistent_velocities(scene), or (name=…, bodies=[…], joints=[…]) of all that Scene takes, gives "
     "velocities that fit"
 )
-EPS = float(np.finfo(float).eps)
 
 
 def check_start(scene: Graph) -> None:

@@ -10,10 +10,11 @@ import numpy as np
 from anctmm.errors import shown
 from anctmm.model.expressions import Linearised
 from anctmm.results.checks.finding import Finding
-from anctmm.results.checks.scales import EPS, reach_of
+from anctmm.results.checks.scales import reach_of
 from anctmm.results.fields import HermiteField
 from anctmm.results.joint_rows import JointAtOutputs, rigid_bodies
 from anctmm.results.solution import Solution
+from anctmm.validation import EPS
 
 #: Distance of joined places, of the length of all bodies, above which a joint is not kept; of angles, rad; a hundredth
 #: of it is the strain of a rigid body. The global DAE without stabilisation drifts by 1e-12 in a million steps.

@@ -17,9 +17,10 @@ from anctmm.elements.kinds import kind_of
 from anctmm.model.connectors import Spring
 from anctmm.model.scene import Scene
 from anctmm.results.checks.finding import Finding, most_stretched
-from anctmm.results.checks.scales import EPS, drive_rates, is_driven, mass_of, reach_of, work_of_loads
+from anctmm.results.checks.scales import drive_rates, is_driven, mass_of, reach_of, work_of_loads
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy, Solution
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -19,8 +19,9 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import PropertyError
 from anctmm.model.drives import Quintic, breaks_of
 from anctmm.results.checks.finding import Finding
-from anctmm.results.checks.scales import EPS, History, drives_of, histories_of_loads
+from anctmm.results.checks.scales import History, drives_of, histories_of_loads
 from anctmm.results.solution import Solution
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 

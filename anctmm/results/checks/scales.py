@@ -14,7 +14,6 @@ from anctmm.model.loads import LineLoad, Torque, load_text, width_of
 from anctmm.model.scene import Beam, Load, Scene
 
 Array = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 #: Times at which drives and loads are looked at, at most: steps of the run, so that none is called at other times.
 SEEN = 65
 
