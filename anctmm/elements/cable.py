@@ -5,7 +5,7 @@ rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r
 plane with its sign. No rotary inertia, and in space neither torsion nor damping.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import sqrt
 
@@ -44,8 +44,6 @@ class CableElement:
         "full", "reduced" or "lobatto".
     damping : float
         Kelvin-Voigt damping, s.
-    stressed : float
-        Stresses that the tangent has, over those of the stiffness: 1 but in the matrix of an iteration with damping.
     """
 
     l: float  # noqa: E741
@@ -54,7 +52,6 @@ class CableElement:
     mass_per_length: float
     quadrature: str = "full"
     damping: float = 0.0
-    stressed: float = 1.0
 
     vectors_per_node = 2
     #: Degree of the axis in ξ.
@@ -72,14 +69,6 @@ class CableElement:
             quadrature,
             m.damping,
         )
-
-    def stiffened(self, factor: float, stresses: bool = True) -> "CableElement":
-        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix.
-
-        Without `stresses` those of its tangent are as before: rates of strain add to the stiffness, but not to these.
-        """
-        stressed = self.stressed if stresses else self.stressed / factor
-        return replace(self, EA=factor * self.EA, EI=factor * self.EI, stressed=stressed)
 
     def axis(self, xi: ArrayLike, order: int = 0) -> Array:
         """Weights of the coordinates, (points, 4), in the axis at ξ, or in a derivative of it by x."""
@@ -144,6 +133,18 @@ class CableElement:
         _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
         moment = (self.damping * self.EI * u * bending)[:, None]
         return force + B.T @ (moment * by_b) + C.T @ (moment * by_c)
+
+    def damping_matrix(self, q: Array) -> Array:
+        """Derivative of the damping force by the velocities, (4, 2, 4, 2)."""
+        B, w = self.axial_rule
+        b = B @ q
+        t = b / np.sqrt((b * b).sum(axis=1))[:, None]
+        by_q = np.einsum("pi,pc->pic", B, t)
+        D = np.einsum("p,pic,pjd->icjd", self.EA * w, by_q, by_q)
+        B, C, u = self.bending_rule
+        _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
+        by_q = np.einsum("pi,pc->pic", B, by_b) + np.einsum("pi,pc->pic", C, by_c)
+        return self.damping * (D + np.einsum("p,pic,pjd->icjd", self.EI * u, by_q, by_q))  # type: ignore[no-any-return]
 
     def _strain_rates(self, q: Array, v: Array) -> tuple[Array, Array]:
         """ε̇ and κ̇ at the points of their rules, 1/s and 1/(m s)."""

@@ -40,7 +40,7 @@ from anctmm.kernels.options import inlined
 Array = NDArray[np.float64]
 
 #: Where the points start among the constants, and how many numbers an axial and a bending point take.
-HEAD, AXIAL, BENDING = 7, 4, 7
+HEAD, AXIAL, BENDING = 5, 4, 7
 #: Where the sums of tangents stand: second derivatives by u = (r_O − r_I)/l, r'_I and r'_O.
 UU, IU, II, OU, OI, OO = 0, 3, 7, 10, 14, 18
 PLACES = placement(
@@ -60,12 +60,9 @@ PLACES = placement(
 
 
 def constants(e: CableElement) -> Array:
-    """What the kernels need of an element: l, EA, EI, numbers of axial and bending points, and the points.
-
-    Before the points stand EA and EI of the stresses of the tangent.
-    """
+    """What the kernels need of an element: l, EA, EI, numbers of axial and bending points, and the points."""
     numbers, points = _points(e.quadrature)
-    return np.concatenate([[e.l, e.EA, e.EI], numbers, [e.stressed * e.EA, e.stressed * e.EI], points])
+    return np.concatenate([[e.l, e.EA, e.EI], numbers, points])
 
 
 @lru_cache
@@ -303,8 +300,10 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
-    """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l, r'_I and r'_O, then by the nodal vectors.
+def tangents(
+    q: Array, first: int, count: int, constants: Array, material: float, geometric: float, out: Array
+) -> None:
+    """Stiffness of a block of elements: derivatives by u = (r_O − r_I)/l, r'_I and r'_O, then by the nodal vectors.
 
     Parameters
     ----------
@@ -313,18 +312,20 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         First node of the block, number of its elements, at most TANGENT_BLOCK.
     constants : ndarray
         See `constants`.
+    material, geometric : float
+        Factors of the material stiffness, products of first derivatives of strains, and of the geometric one, stresses
+        times second derivatives: 1 and 1 give the Hessian of the energy, τ and 0 the damping matrix.
     out : ndarray, shape (TANGENT_BUFFER,)
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, r_O, r'_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
-    NA, NI = constants[5] * constants[0], constants[6] * constants[0]
     axial, bending = int(constants[3]), int(constants[4])
     e = four_rows(q, first)
     clear_sums(out, 21)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = -constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
-        f, g = EA * w, NA * w
+        f, g = material * EA * w, geometric * EA * w
         for j in range(count):
             bx = B * e[2][j] + C * e[2][j + 1] + A * (e[0][j + 1] - e[0][j]) * v
             by = B * e[3][j] + C * e[3][j + 1] + A * (e[1][j + 1] - e[1][j]) * v
@@ -340,7 +341,8 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         at = HEAD + axial * AXIAL + p * BENDING
         A, B, C = -constants[at], constants[at + 1], constants[at + 2]
         a, b, c = -constants[at + 3] * v, constants[at + 4] * v, constants[at + 5] * v
-        f, g = EI * constants[at + 6], NI * constants[at + 6]
+        m = EI * constants[at + 6]
+        f, g = material * m, geometric * m
         for j in range(count):
             ux, uy = (e[0][j + 1] - e[0][j]) * v, (e[1][j + 1] - e[1][j]) * v
             bx, by = B * e[2][j] + C * e[2][j + 1] + A * ux, B * e[3][j] + C * e[3][j + 1] + A * uy

@@ -22,11 +22,11 @@ MODULES: dict[str, ModuleType] = {
 
 _NODES, _NUMBERS = types.Array(types.float64, 2, "C"), types.Array(types.float64, 1, "C")
 _COUNT, _NUMBER = types.int64, types.float64
-#: q and where damping is v, (rows, nodes); first node, elements, constants, where damping is its time (s), output.
+#: q and where damping is v, (rows, nodes); first node, elements, constants, numbers of its own, output.
 SIGNATURES = {
     "forces": types.void(_NODES, _COUNT, _COUNT, _NUMBERS, _NUMBERS),
     "damping_forces": types.void(_NODES, _NODES, _COUNT, _COUNT, _NUMBERS, _NUMBER, _NUMBERS),
-    "tangents": types.void(_NODES, _COUNT, _COUNT, _NUMBERS, _NUMBERS),
+    "tangents": types.void(_NODES, _COUNT, _COUNT, _NUMBERS, _NUMBER, _NUMBER, _NUMBERS),
     "energy": types.float64(_NODES, _COUNT, _COUNT, _NUMBERS),
 }
 

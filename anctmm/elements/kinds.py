@@ -6,7 +6,7 @@ what solvers offer, studies and their tables.
 A new kind needs an entry in `KINDS`, and of what it does not share with another kind:
 
 - a readable element, a class such as `CableElement`: `of`, `energy`, `force`, `tangent`, `dissipation`,
-  `damping_force`, `mass`, `gravity`, `load`, `axis`, `turning`, `degree`, `stiffened`, `highest_frequency`,
+  `damping_force`, `damping_matrix`, `mass`, `gravity`, `load`, `axis`, `turning`, `degree`, `highest_frequency`,
   `damping`, `l` and `vectors_per_node`; energy, force and dissipation complex-step safe;
 - kernels, a module such as `cable_kernel`;
 - a vector of its nodes, in `VECTORS`;

@@ -60,8 +60,8 @@ PLACES = placement(_blocks())
 
 
 def constants(e: QuinticElement) -> Array:
-    """What the kernels need of an element: l, EA, EI, and both of the stresses of the tangent."""
-    return np.array([e.l, e.EA, e.EI, e.stressed * e.EA, e.stressed * e.EI])
+    """What the kernels need of an element: l, EA, EI."""
+    return np.array([e.l, e.EA, e.EI])
 
 
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
@@ -72,7 +72,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most BLOCK.
-    constants : ndarray, shape (≥ 5,)
+    constants : ndarray, shape (≥ 3,)
         See `constants`.
     out : ndarray, shape (12 * BLOCK,)
         Output, in the layout of `force_blocks`.
@@ -192,8 +192,10 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
-    """Hessians of the energy of a block of elements, by the five vectors, then by the nodal ones.
+def tangents(
+    q: Array, first: int, count: int, constants: Array, material: float, geometric: float, out: Array
+) -> None:
+    """Stiffness of a block of elements: derivatives by the five vectors, then by the nodal ones.
 
     At each point the second derivatives by r' and l r'' come first, for all elements; then each pair of vectors takes
     its parts of them.
@@ -203,17 +205,18 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most TANGENT_BLOCK.
-    constants : ndarray, shape (≥ 5,)
+    constants : ndarray, shape (≥ 3,)
+    material, geometric : float
+        As in `cable_kernel.tangents`.
     out : ndarray, shape (TANGENT_BUFFER,)
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, l r''_I, r_O, r'_O, l r''_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
-    NA, NI = constants[3] * constants[0], constants[4] * constants[0]
     e = six_rows(q, first)
     clear_sums(out, POINT)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
-        f, g = EA * W[10], NA * W[10]
+        f, g = material * EA * W[10], geometric * EA * W[10]
         for j in range(count):
             bx, by = _slope(e, j, W, 0, v)
             xx, xy, yy = axial_stiffness(bx, by, f, g)
@@ -228,7 +231,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
                 row += 1
     for p in range(BENDING):
         W = BENDING_POINTS[p]
-        f, g = EI * W[10], NI * W[10]
+        f, g = material * EI * W[10], geometric * EI * W[10]
         for j in range(count):
             bx, by = _slope(e, j, W, 0, v)
             cx, cy = _slope(e, j, W, 5, v)

@@ -5,7 +5,7 @@ director d (linear), r(x, y) = c + y d. All Green strains are the dot products o
 X = [c', d', d], and the energy per length is a quadratic form of them: anctmm/elimination/method.md, section 1.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -46,8 +46,6 @@ class ShearElement:
         kg/m³.
     damping : float
         Kelvin-Voigt damping, s.
-    stressed : float
-        Stresses that the tangent has, over those of the stiffness: 1 but in the matrix of an iteration with damping.
     """
 
     l: float  # noqa: E741
@@ -58,7 +56,6 @@ class ShearElement:
     G: float
     density: float
     damping: float = 0.0
-    stressed: float = 1.0
 
     vectors_per_node = 3
     #: Degree of the axis in ξ.
@@ -71,14 +68,6 @@ class ShearElement:
         return cls(
             body.length / elements, s.area, s.second_moment, s.fourth_moment, *m.lame, m.density, m.damping
         )
-
-    def stiffened(self, factor: float, stresses: bool = True) -> "ShearElement":
-        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix.
-
-        Without `stresses` those of its tangent are as before: rates of strain add to the stiffness, but not to these.
-        """
-        stressed = self.stressed if stresses else self.stressed / factor
-        return replace(self, lam=factor * self.lam, G=factor * self.G, stressed=stressed)
 
     def axis(self, xi: ArrayLike, order: int = 0) -> Array:
         """Weights of the coordinates, (points, 6), in the axis at ξ, or in a derivative of it by x."""
@@ -134,6 +123,12 @@ class ShearElement:
         X, rates, w = self._rates(q, v)
         N = np.einsum("pk,kab->pab", self.damping * rates @ self.stiffness, STRAIN_FORMS)
         return np.einsum("p,pai,pab,pbc->ic", w, self.operators[0], N, X)
+
+    def damping_matrix(self, q: Array) -> Array:
+        """Derivative of the damping force by the velocities, (6, 2, 6, 2)."""
+        B, w = self.operators
+        by_q = np.einsum("kab,pbc,pai->pkic", STRAIN_FORMS, B @ q, B)
+        return self.damping * np.einsum("p,pkic,kl,pljd->icjd", w, by_q, self.stiffness, by_q)  # type: ignore[no-any-return]
 
     def _rates(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """X, the strains' rates ṡ_k = X·Q_k Ẋ, (points, 6), and the weights."""

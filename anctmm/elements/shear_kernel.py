@@ -59,10 +59,9 @@ PLACES = placement(
 
 
 def constants(e: ShearElement) -> Array:
-    """What the kernels need of an element: l, ΛA, ΛI, ΛJ, λA, λI, GA, GI, and the last seven of its stresses."""
+    """What the kernels need of an element: l, ΛA, ΛI, ΛJ, λA, λI, GA, GI."""
     L = e.lam + 2.0 * e.G
-    moduli = np.array([L * e.A, L * e.I, L * e.J, e.lam * e.A, e.lam * e.I, e.G * e.A, e.G * e.I])
-    return np.concatenate([[e.l], moduli, e.stressed * moduli])
+    return np.array([e.l, L * e.A, L * e.I, L * e.J, e.lam * e.A, e.lam * e.I, e.G * e.A, e.G * e.I])
 
 
 @inlined
@@ -101,7 +100,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most BLOCK.
-    constants : ndarray, shape (15,)
+    constants : ndarray, shape (≥ 8,)
     out : ndarray, shape (12 * BLOCK,)
         Output, in the layout of `force_blocks`.
     """
@@ -230,15 +229,19 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
-    """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l and the gradients, then by the nodal vectors.
+def tangents(
+    q: Array, first: int, count: int, constants: Array, material: float, geometric: float, out: Array
+) -> None:
+    """Stiffness of a block of elements: derivatives by u = (r_O − r_I)/l and the gradients, then by the nodal vectors.
 
     Parameters
     ----------
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most TANGENT_BLOCK.
-    constants : ndarray, shape (15,)
+    constants : ndarray, shape (≥ 8,)
+    material, geometric : float
+        As in `cable_kernel.tangents`.
     out : ndarray, shape (TANGENT_BUFFER,)
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O.
     """
@@ -248,13 +251,13 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     clear_sums(out, ROWS)
     for p in range(POINTS):
         x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], -TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
-        w = TABLE[p, 5] * l
+        f, g = material * TABLE[p, 5] * l, geometric * TABLE[p, 5] * l
         for j in range(count):
             ex, ey = (n[4][j + 1] - n[4][j]) * v, (n[5][j + 1] - n[5][j]) * v
             cx = B * n[2][j] + C * n[2][j + 1] + A * (n[0][j + 1] - n[0][j]) * v
             cy = B * n[3][j] + C * n[3][j + 1] + A * (n[1][j + 1] - n[1][j]) * v
             dx, dy = y * n[4][j] + x * n[4][j + 1], y * n[5][j] + x * n[5][j + 1]
-            CC, EC, DC, EE, ED, DD = _second_derivatives(w, constants, cx, cy, dx, dy, ex, ey)
+            CC, EC, DC, EE, ED, DD = _second_derivatives(f, g, constants, cx, cy, dx, dy, ex, ey)
             add_symmetric(out, 0, j, A * A, CC)
             add_symmetric(out, 3, j, B * A, CC)
             add_symmetric(out, 6, j, B * B, CC)
@@ -276,12 +279,15 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
 
 
 @inlined
-def _second_derivatives(w, constants, cx, cy, dx, dy, ex, ey):  # type: ignore[no-untyped-def]
-    """Of the energy at a Gauss point of weight w: by c' twice, d' and c', d and c', d' twice, d' and d, d twice."""
-    LA, LI, LJ = w * constants[1], w * constants[2], w * constants[3]
-    lA, lI, GA, GI = w * constants[4], w * constants[5], w * constants[6], w * constants[7]
-    NA, NI, NJ = w * constants[8], w * constants[9], w * constants[10]
-    nA, nI, QA, QI = w * constants[11], w * constants[12], w * constants[13], w * constants[14]
+def _second_derivatives(f, g, constants, cx, cy, dx, dy, ex, ey):  # type: ignore[no-untyped-def]
+    """Of the energy at a Gauss point: by c' twice, d' and c', d and c', d' twice, d' and d, d twice.
+
+    f and g: its weight times the factors of the material and of the geometric part.
+    """
+    LA, LI, LJ = f * constants[1], f * constants[2], f * constants[3]
+    lA, lI, GA, GI = f * constants[4], f * constants[5], f * constants[6], f * constants[7]
+    NA, NI, NJ = g * constants[1], g * constants[2], g * constants[3]
+    nA, nI, QA, QI = g * constants[4], g * constants[5], g * constants[6], g * constants[7]
     k2 = 0.5 * (ex * ex + ey * ey)
     e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
     N0, N1 = NA * e0 + NI * k2 + nA * eyy, NI * (cx * ex + cy * ey)

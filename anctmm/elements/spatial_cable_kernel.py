@@ -117,13 +117,18 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
-    """Hessians of the energy of a block of elements; parameters as of `forces`.
+def tangents(
+    q: Array, first: int, count: int, constants: Array, material: float, geometric: float, out: Array
+) -> None:
+    """Stiffness of a block of elements; parameters as of `forces`.
 
+    material, geometric : float
+        As in `cable_kernel.tangents`; equal, as such elements have no damping.
     out : ndarray, shape (TANGENT_BUFFER,)
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, r_O, r'_O.
     """
-    EA, EI, axial, bending = constants[0], constants[1], int(constants[2]), int(constants[3])
+    EA, EI = geometric * constants[0], geometric * constants[1]
+    axial, bending = int(constants[2]), int(constants[3])
     for k in range(SUMS * TANGENT_BLOCK):
         out[k] = 0.0
     for j in range(count):

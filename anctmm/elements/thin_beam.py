@@ -49,7 +49,7 @@ def bending_damping(bx, by, cx, cy, gx, gy, hx, hy, m):  # type: ignore[no-untyp
 
 @inlined
 def axial_stiffness(bx, by, f, g):  # type: ignore[no-untyped-def]
-    """Second derivative of ½ f ε² by r', (xx, xy, yy); the stress, f ε, is that of g."""
+    """f ∂ε ∂ε + g ε ∂²ε by r', (xx, xy, yy): with f = g the second derivative of ½ f ε²."""
     s = 1.0 / (bx * bx + by * by)
     n = g - g * sqrt(s)
     m = (f - n) * s
@@ -58,7 +58,7 @@ def axial_stiffness(bx, by, f, g):  # type: ignore[no-untyped-def]
 
 @inlined
 def bending_stiffness(bx, by, cx, cy, f, g):  # type: ignore[no-untyped-def]
-    """Of ½ f κ²: by r' twice, (xx, xy, yy); by r' and r'', (xx, xy, yx, yy); by r'' twice; the moment, f κ, is of g."""
+    """f ∂κ ∂κ + g κ ∂²κ: by r' twice, (xx, xy, yy); by r' and r'', (xx, xy, yx, yy); by r'' twice, (xx, xy, yy)."""
     curvature, s, ux, uy = curvature_of(bx, by, cx, cy)
     # gradient of κ by r', g, and by r'', h; κ is linear in r''
     gx, gy = ux * s, uy * s

@@ -20,7 +20,7 @@ from anctmm.integrators.alpha import means_of
 from anctmm.integrators.controlled import attempt_alpha, attempt_esdirk, take
 from anctmm.integrators.diagnosis import failed_step
 from anctmm.integrators.esdirk import scheme_of
-from anctmm.integrators.fixed import settle, stiffen
+from anctmm.integrators.fixed import settle
 from anctmm.integrators.output import Record
 from anctmm.integrators.starting import started
 from anctmm.integrators.state import State
@@ -163,7 +163,7 @@ class March:
         self.error, self.moved, self.limit, self.tolerance = 1.0, 0.0, 0.0, float(self.run.tolerance or 0.0)
         self.changing = state.q, state.v, state.w, state.a, system.tables.rows.multiplier
         self.largest = np.zeros(1)
-        self.renew_matrix(self.wanted)
+        state.counts[2] = 1
 
     def go(self) -> None:
         """Take all steps, or raise what ends them."""
@@ -207,7 +207,7 @@ class March:
             raise TooManyStepsError
         state.scale[1] = min(left, run.newton_tolerance) if run.newton_given else left
         if abs(h - self.of_matrix) > SAME * self.of_matrix:
-            self.renew_matrix(h)
+            self.state.counts[2] = 1  # the matrix depends on h
         factorizations = state.counts[1]
         try:
             self.inputs = self.inputs_of(h, end)
@@ -218,11 +218,6 @@ class March:
         error = np.inf if self.t < self.limit < end.t else self.trial.attempt(self.restart, h, self.inputs)
         self.of_matrix = h if state.counts[1] > factorizations else self.of_matrix
         return error / self.allowed(h) if error < np.inf else np.inf
-
-    def renew_matrix(self, h: float) -> None:
-        """Have the matrix formed anew, for a step of h: damping adds to the stiffness by it."""
-        stiffen(self.system, h)
-        self.state.counts[2] = 1
 
     def accept(self, error: float, h: float, end: Stop, restart: bool) -> None:
         """Go on from the end of a step."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai, stages
+from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
 from anctmm.integrators import alpha, esdirk, explicit
 from anctmm.integrators.diagnosis import failed_step
 from anctmm.integrators.output import Record
@@ -15,21 +15,9 @@ from anctmm.integrators.state import State
 from anctmm.kernels.announcing import compiling
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
-from anctmm.system.elastic import stiffened
 from anctmm.system.system import System
 
 Batch = Callable[[int, int], int]
-
-
-def stiffen(system: System, h: float) -> None:
-    """Set the constants of the matrix for implicit steps of h (s): damping adds τ dv/dq to the stiffness."""
-    rate = 0.0
-    match system.run.method:
-        case GeneralizedAlpha() as method:
-            rate = method.gamma / (method.beta * h)
-        case Esdirk():
-            rate = 1.0 / (float(stages().A[1, 1]) * h)
-    stiffened(system.mesh, system.tables.elements, rate)
 
 
 def integrate(system: System, start: Solution | None = None) -> Solution:
@@ -78,7 +66,6 @@ def settle(system: System, record: Record, state: State, count: int) -> None:
 def batch_of(system: System, state: State, record: Record) -> Batch:
     """What takes the steps that lead to states begin … end − 1, by the integrator of the run."""
     run, tables, shapes, out = system.run, system.tables, (system.size, system.space), record.out
-    stiffen(system, run.exact_dt)
     match run.method:
         case Zhai():
             fixed = explicit.Numbers(

@@ -10,7 +10,6 @@ from anctmm.elimination.factor import solve
 from anctmm.errors import StabilityError
 from anctmm.system.assembled import assembled, coordinates_of
 from anctmm.system.calls import factorize_matrix
-from anctmm.system.elastic import stiffened
 from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.system import System
 
@@ -53,7 +52,7 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
     if not len(places):
         return 0.0
     K, M = (
-        _stiffness(system, q, damping)[places][:, places],
+        _matrix(system, q, 0.0, *((0.0, 1.0) if damping else (1.0, 0.0)))[places][:, places],
         _matrix(system, q, 1.0, 0.0, 0.0)[places][:, places],
     )
     factorize_matrix(system.size, system.tables)
@@ -81,22 +80,12 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
     return sqrt(max(float(value), 0.0))
 
 
-def _matrix(system: System, q: Array, mass: float, stiffness: float, rate: float):  # type: ignore[no-untyped-def]
+def _matrix(system: System, q: Array, mass: float, stiffness: float, damping: float):  # type: ignore[no-untyped-def]
     inputs = system.inputs(np.zeros(1))
     still = np.zeros_like(q)
     set_residual(system.space, system.tables, q, still, still, inputs, 0, np.zeros_like(q))
-    set_matrix(system.size, system.space, system.tables, q, still, inputs, 0, mass, stiffness, rate)
+    set_matrix(system.size, system.space, system.tables, q, still, inputs, 0, mass, stiffness, damping)
     return assembled(system)
-
-
-def _stiffness(system: System, q: Array, damping: bool):  # type: ignore[no-untyped-def]
-    """K, or the damping matrix as the part of K that grows with dv/dq."""
-    if not damping:
-        return _matrix(system, q, 0.0, 1.0, 0.0)
-    stiffened(system.mesh, system.tables.elements, 1.0)
-    found = _matrix(system, q, 0.0, 1.0, 1.0)
-    stiffened(system.mesh, system.tables.elements, 0.0)
-    return found - _matrix(system, q, 0.0, 1.0, 0.0)
 
 
 def largest_step(system: System, q: Array) -> float:

@@ -22,7 +22,6 @@ from anctmm.system.acting import FOLLOWER
 from anctmm.system.assembled import assembled, coordinates_of
 from anctmm.system.body_meshes import RigidMesh
 from anctmm.system.calls import factorize_matrix
-from anctmm.system.elastic import stiffened
 from anctmm.system.equations import set_matrix, set_residual
 from anctmm.system.rows import REGULARISATION
 from anctmm.system.system import System
@@ -31,8 +30,6 @@ from anctmm.validation import EPS
 Array = NDArray[np.float64]
 Sparse = Any
 
-#: A rate, 1/s, beside whose damping forces all others vanish.
-FAST = 1e30
 #: Part of Ω² by which that of a matrix of Newton's iteration is larger.
 BESIDE = 1e-6
 #: Solutions that find the forces of constraints: each takes off more of the regularisation.
@@ -78,11 +75,7 @@ class SmallMotions:
     @cached_property
     def D(self) -> Sparse:
         """Damping, with 2 Ω M S, (size, size)."""
-        system = self.system
-        stiffened(system.mesh, system.tables.elements, FAST)
-        fast = self._matrix(0.0, 1.0, FAST)
-        stiffened(system.mesh, system.tables.elements, 0.0)
-        found = (fast - self._matrix(0.0, 1.0, 0.0)) / FAST
+        found = self._matrix(0.0, 0.0, 1.0)
         if self.spin:
             turn = sparse.kron(sparse.eye(self.size // 2), QUARTER_TURN)
             found = found + 2.0 * self.spin * self.M @ turn
@@ -159,15 +152,15 @@ class SmallMotions:
         places = np.maximum(self._at, 0)[:, None] + np.arange(self.system.mesh.dim)[:, None]
         return (x[places] * (self._at >= 0)[:, None]).reshape(self.q.shape)
 
-    def _matrix(self, mass: float, stiffness: float, rate: float) -> Sparse:
-        """mass · M + stiffness · K without spin, of the free coordinates."""
-        self._assemble(mass, stiffness, rate)
+    def _matrix(self, mass: float, stiffness: float, damping: float) -> Sparse:
+        """mass · M + stiffness · K + damping · D without spin, of the free coordinates."""
+        self._assemble(mass, stiffness, damping)
         return assembled(self.system).tocsr()[self._free][:, self._free]
 
-    def _assemble(self, mass: float, stiffness: float, rate: float) -> None:
+    def _assemble(self, mass: float, stiffness: float, damping: float) -> None:
         system, still = self.system, np.zeros_like(self.q)
         set_matrix(
-            system.size, system.space, system.tables, self.q, still, self._inputs, 0, mass, stiffness, rate
+            system.size, system.space, system.tables, self.q, still, self._inputs, 0, mass, stiffness, damping
         )
 
     def _turning_forces(self) -> Sparse:

@@ -445,25 +445,22 @@ def add_acting_tangents(
     v: Array,
     inputs: Any,
     time: int,
-    factor: float,
-    rate_factor: float,
+    stiffness: float,
+    damping: float,
     flat: Array,
 ) -> None:
-    """Add the stiffness of loads and connectors, times a factor, to the matrix; of followers the symmetric part.
-
-    rate_factor: derivative of velocities by coordinates in a step, 1/s, by which damping adds to the stiffness.
-    """
+    """Add stiffness · K + damping · D of loads and connectors to the matrix; of followers the symmetric part."""
     own, mixed, other = matrix(space, space), matrix(space, space), matrix(space, space)
     free, t = inputs.free[time], inputs.t[time]
     loads = len(acting.load_kind)
     for n in range(loads):
         if acting.load_kind[n] != DEAD:
-            _load_stiffness(space, acting, n, q, inputs.loads[time, n], factor, own, mixed, other)
+            _load_stiffness(space, acting, n, q, inputs.loads[time, n], stiffness, own, mixed, other)
             add_forms(
                 acting, n, acting.load_form[n], acting.load_turns[n], own, mixed, other, flat, len(size)
             )
     for n in range(len(acting.kind)):
-        _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, own, mixed, other)
+        _connector_stiffness(space, acting, n, q, v, free, t, stiffness, damping, own, mixed, other)
         add_forms(acting, loads + n, acting.one[n], acting.two[n], own, mixed, other, flat, len(size))
 
 
@@ -527,14 +524,14 @@ def _clear(own, mixed, other):  # type: ignore[no-untyped-def]
 
 
 @part
-def _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, own, mixed, other):  # type: ignore[no-untyped-def]
+def _connector_stiffness(space, acting, n, q, v, free, t, stiffness, damping, own, mixed, other):  # type: ignore[no-untyped-def]
     """Derivative of the force of a connector by its forms; that of a damper's direction is left out."""
     a, b = vector(space), vector(space)
     m = measure(space, acting, n, q, a, b)
     rest, rest_rate = free_measure(acting, n, free)
     x, change = m - rest, measure_rate(space, acting, n, v, a, b) - rest_rate
     by_x, by_rate = slopes(acting, n, x, change, t)
-    k, force = factor * (by_x + rate_factor * by_rate), factor * force_of(acting, n, x, change, t)
+    k, force = stiffness * by_x + damping * by_rate, stiffness * force_of(acting, n, x, change, t)
     _clear(own, mixed, other)
     if acting.kind[n] == SPRING:
         across = force / max(m, 1e-300)

@@ -34,7 +34,7 @@ FUNCTIONS: list[tuple[Callable[..., Any], Any, tuple[Any, ...]]] = [
     (elastic.subtract_damping, _NONE, ("space", "elements", _A, _A, _A)),
     (elastic.subtract_beside, _NONE, ("space", "elements", "driven", _A, _A, _A, _A)),
     (elastic.add_mass, _NONE, ("size", "space", "elements", _NUMBER, _V)),
-    (elastic.add_tangent, _NONE, ("size", "space", "elements", _A, _NUMBER, _V)),
+    (elastic.add_tangent, _NONE, ("size", "space", "elements", _A, _NUMBER, _NUMBER, _V)),
     (elastic.kinetic_energy, _NUMBER, ("space", "elements", _A, _A)),
     (elastic.strain_energy, _NUMBER, ("elements", _A)),
     (acting.add_loads, _NONE, ("space", "acting", _A, _A, _A)),
@@ -98,9 +98,10 @@ def add_mass(size, space, tables, factor):  # type: ignore[no-untyped-def]
 
 
 @part
-def add_tangent(size, space, tables, q, factor):  # type: ignore[no-untyped-def]
+def add_tangent(size, space, tables, q, stiffness, damping):  # type: ignore[no-untyped-def]
     """See `anctmm.system.elastic`."""
-    call(tables.calls.add_tangent, size, space, tables.elements, q, factor, tables.matrix.flat)
+    flat, address = tables.matrix.flat, tables.calls.add_tangent
+    call(address, size, space, tables.elements, q, stiffness, damping, flat)
 
 
 @part
@@ -128,10 +129,10 @@ def add_connectors(space, tables, q, v, free, t, f):  # type: ignore[no-untyped-
 
 
 @part
-def add_acting_tangents(size, space, tables, q, v, inputs, n, factor, rate):  # type: ignore[no-untyped-def]
+def add_acting_tangents(size, space, tables, q, v, inputs, n, stiffness, damping):  # type: ignore[no-untyped-def]
     """See `anctmm.system.acting`."""
     flat, address = tables.matrix.flat, tables.calls.add_acting_tangents
-    call(address, size, space, tables.acting, q, v, inputs, n, factor, rate, flat)
+    call(address, size, space, tables.acting, q, v, inputs, n, stiffness, damping, flat)
 
 
 @part

@@ -37,8 +37,8 @@ class Elements(NamedTuple):
         Addresses of its kernels: forces, damping forces (0 without damping), tangents, energy.
     vectors : ndarray of int, shape (beams,)
         Coordinate vectors of a node.
-    constants, stiff : ndarray, shape (beams, numbers)
-        Of the element kernels: those of the forces, and those of the matrix, where damping adds to the stiffness.
+    constants : ndarray, shape (beams, numbers)
+        Of the element kernels.
     masses : ndarray, shape (beams, vectors, vectors)
         Scalar mass of an element, by nodal vectors.
     damping : ndarray, shape (beams,)
@@ -61,7 +61,6 @@ class Elements(NamedTuple):
     kernels: Ints
     vectors: Ints
     constants: Array
-    stiff: Array
     masses: Array
     damping: Array
     pairs: Ints
@@ -90,7 +89,7 @@ def elements_of(numbering: Numbering) -> Elements:
     return Elements(
         first, count, np.array([_addresses(m) for m in beams], dtype=np.int64).reshape(-1, 4),
         np.array([m.vectors for m in beams], dtype=np.int64),
-        constants, constants.copy(), masses, np.array([m.element.damping for m in beams], dtype=float),
+        constants, masses, np.array([m.element.damping for m in beams], dtype=float),
         _pairs(numbering, elements, 2 * mesh.slots), nodes, mass, _pairs(numbering, nodes, mesh.slots),
         np.zeros(12 * BLOCK), np.zeros(TANGENT_BUFFER), _entries(),
     )  # fmt: skip
@@ -101,18 +100,6 @@ def _entries() -> Ints:
     row, column = np.indices((12, 12))
     high, low = np.maximum(row, column), np.minimum(row, column)
     return np.asarray((high * (high + 1) // 2 + low) * TANGENT_BLOCK)
-
-
-def stiffened(mesh: Mesh, elements: Elements, rate: float) -> None:
-    """Set the constants of the matrix for dv/dq = `rate`, 1/s: damping adds τ times this to the stiffness.
-
-    The stresses in the matrix stay those of the strains alone.
-    """
-    for n, m in enumerate(mesh.beams):
-        if m.element.damping:
-            element = m.element.stiffened(1.0 + m.element.damping * rate, False)
-            row = _kernels(m).constants(element)
-            elements.stiff[n, : len(row)] = row
 
 
 def _addresses(mesh: BeamMesh) -> list[int]:
@@ -306,22 +293,26 @@ def add_mass(size: Zeros, space: Zeros, elements: Elements, factor: float, flat:
                 p += 1
 
 
-def add_tangent(size: Zeros, space: Zeros, elements: Elements, q: Array, factor: float, flat: Array) -> None:
-    """Add factor · K, with the damping of `stiffened`, to the matrix."""
+def add_tangent(
+    size: Zeros, space: Zeros, elements: Elements, q: Array, stiffness: float, damping: float, flat: Array
+) -> None:
+    """Add stiffness · K + damping · D to the matrix."""
     e, out = 0, elements.tangents
     for b in range(len(elements.first)):
         done, first, vectors = 0, elements.first[b], elements.vectors[b]
+        kernel, constants = elements.kernels[b, TANGENTS], elements.constants[b]
+        material = stiffness + damping * elements.damping[b]
         while done < elements.number[b]:
             some = min(TANGENT_BLOCK, elements.number[b] - done)
-            call(elements.kernels[b, TANGENTS], q, first + done, some, elements.stiff[b], out)
+            call(kernel, q, first + done, some, constants, material, stiffness, out)
             for j in range(some):
-                place_tangent(size, space, elements, e + j, vectors, factor, j, flat)
+                place_tangent(size, space, elements, e + j, vectors, j, flat)
             done += some
             e += some
 
 
 @part
-def place_tangent(size, space, elements, e, vectors, factor, j, flat):  # type: ignore[no-untyped-def]
+def place_tangent(size, space, elements, e, vectors, j, flat):  # type: ignore[no-untyped-def]
     """Add the tangent of element e, number j of a block, to the matrix, by pairs of its vectors with their codes."""
     dim, width, slots = len(space), len(size), elements.masses.shape[1] // 2
     pairs, entry, out = elements.pairs, elements.entry, elements.tangents
@@ -334,11 +325,11 @@ def place_tangent(size, space, elements, e, vectors, factor, j, flat):  # type: 
             if code >= 0 and stand != 1:
                 for c in range(dim):
                     for d in range(dim):
-                        flat[at + width * c + d] += factor * out[entry[dim * k + c, dim * m + d] + j]
+                        flat[at + width * c + d] += out[entry[dim * k + c, dim * m + d] + j]
             if code >= 0 and stand != 0:
                 for c in range(dim):
                     for d in range(dim):
-                        flat[at + width * d + c] += factor * out[entry[dim * k + c, dim * m + d] + j]
+                        flat[at + width * d + c] += out[entry[dim * k + c, dim * m + d] + j]
 
 
 def kinetic_energy(space: tuple[int, ...], elements: Elements, v: Array, scratch: Array) -> float:

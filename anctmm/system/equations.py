@@ -54,13 +54,13 @@ def set_matrix(
     n: int,
     mass: float,
     stiffness: float,
-    rate: float,
+    damping: float,
 ) -> None:
-    """The matrix mass · M + stiffness · K, with the rows and their J; `rate`: dv/dq of a step, 1/s, for dampers."""
+    """The matrix mass · M + stiffness · K + damping · D, with the rows and their J; D: of materials and dampers."""
     clear(tables.matrix.flat, len(size), tables.matrix.padding)
     add_mass(size, space, tables, mass)
-    if stiffness != 0.0:
-        add_tangent(size, space, tables, q, stiffness)
+    if stiffness != 0.0 or damping != 0.0:
+        add_tangent(size, space, tables, q, stiffness, damping)
         if len(tables.acting.kind) + len(tables.acting.load_kind) > 0:
-            add_acting_tangents(size, space, tables, q, v, inputs, n, stiffness, rate)
+            add_acting_tangents(size, space, tables, q, v, inputs, n, stiffness, damping)
     add_rows(size, tables, max(mass, 1e-300), stiffness, inputs.signals[n])

@@ -5,7 +5,6 @@ agreement checks joints, loads, elimination and time stepping, and times compare
 """
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,8 +30,8 @@ class Elements(NamedTuple):
     """Runs of equal elements, of a beam at most BLOCK each.
 
     kernels: addresses, (runs, 4). first, counts, vectors: first coordinate, number of elements and vectors of a node,
-    (runs,). constants: of the kernels; stiff: the same with the stiffness of Newton's matrix. damping, (runs,), s.
-    q, v: of the nodes of a run, (components, nodes); out: what a kernel has found.
+    (runs,). constants: of the kernels. damping, (runs,), s. q, v: of the nodes of a run, (components, nodes); out: what
+    a kernel has found.
     """
 
     kernels: Ints
@@ -40,28 +39,23 @@ class Elements(NamedTuple):
     counts: Ints
     vectors: Ints
     constants: Array
-    stiff: Array
     damping: Array
     q: Array
     v: Array
     out: Array
 
 
-def elements_of(meshes: Sequence[Mesh], by_velocity: float) -> Elements:
-    """The elements of beams for the kernels; `by_velocity` (1/s) is ∂v/∂q of the steps, which stiffens damped ones."""
+def elements_of(meshes: Sequence[Mesh]) -> Elements:
+    """The elements of beams for the kernels."""
     runs = [(mesh, e) for mesh in meshes for e in range(0, mesh.elements, BLOCK)]
-    own, stiff = list[Array](), list[Array]()
-    for mesh, _ in runs:
-        element, constants = mesh.element, MODULES[mesh.kind.name].constants
-        own.append(constants(element))
-        stiff.append(constants(element.stiffened(1.0 + by_velocity * element.damping, stresses=False)))
+    constants = [MODULES[mesh.kind.name].constants(mesh.element) for mesh, _ in runs]
     kernels = [[address(mesh.kind.name, name) for name in SIGNATURES] for mesh, _ in runs]
     return Elements(
         np.array(kernels, dtype=np.int64).reshape(-1, len(SIGNATURES)),
         np.array([mesh.number(e, 0) for mesh, e in runs], dtype=np.int64),
         np.array([min(BLOCK, mesh.elements - e) for mesh, e in runs], dtype=np.int64),
         np.array([mesh.vectors for mesh, _ in runs], dtype=np.int64),
-        _table(own), _table(stiff), np.array([mesh.element.damping for mesh, _ in runs], dtype=float),
+        _table(constants), np.array([mesh.element.damping for mesh, _ in runs], dtype=float),
         np.zeros((6, BLOCK + 1)), np.zeros((6, BLOCK + 1)), np.zeros(TANGENT_BUFFER),
     )  # fmt: skip
 
@@ -98,14 +92,18 @@ def damping_forces(e: Elements, q: Array, v: Array, f: Array) -> None:
 
 
 @kernel
-def add_tangents(e: Elements, q: Array, places: Ints, data: Array) -> None:
-    """Add the entries of all tangents to `data`: those of an element, row by row, at the next of `places`."""
+def add_tangents(e: Elements, by_velocity: float, q: Array, places: Ints, data: Array) -> None:
+    """Add the entries of all tangents to `data`: those of an element, row by row, at the next of `places`.
+
+    by_velocity: ∂v/∂q of the steps, 1/s, by which damping adds to the stiffness.
+    """
     at = 0
     for run in range(len(e.first)):
         arrange(e, run, q, e.q)
         for first in range(0, e.counts[run], TANGENT_BLOCK):
             count = min(TANGENT_BLOCK, e.counts[run] - first)
-            call(e.kernels[run, TANGENTS], e.q, first, count, e.stiff[run], e.out)
+            material = 1.0 + by_velocity * e.damping[run]
+            call(e.kernels[run, TANGENTS], e.q, first, count, e.constants[run], material, 1.0, e.out)
             for j in range(count):
                 for k in range(4 * e.vectors[run]):
                     for m in range(4 * e.vectors[run]):
@@ -150,7 +148,7 @@ class Beams:
 
     def __init__(self, layout: Layout) -> None:
         self.size, self.meshes = layout.size, list(layout.meshes.values())
-        self.elements = cache(lambda by_velocity: elements_of(self.meshes, by_velocity))
+        self.elements = elements_of(self.meshes)
         self.at = [
             mesh.number(e, 0) + np.arange(4 * mesh.vectors)
             for mesh in self.meshes
@@ -168,25 +166,25 @@ class Beams:
     def force(self, q: Array) -> Array:
         """Elastic forces, the gradient of the strain energy."""
         f = np.empty(self.size)
-        forces(self.elements(0.0), q, f)
+        forces(self.elements, q, f)
         return f
 
     def damping(self, q: Array, v: Array) -> Array:
         """Damping forces of the materials, which act on the bodies: they work against v."""
         f = np.empty(self.size)
-        damping_forces(self.elements(0.0), q, v, f)
+        damping_forces(self.elements, q, v, f)
         return f
 
     def tangent(self, q: Array, by_velocity: float = 0.0) -> Matrix:
         """Derivative of the elastic forces, and `by_velocity` (1/s) times that of damping by its material part."""
         data = np.zeros(len(self.pattern[0]))
-        add_tangents(self.elements(by_velocity), q, np.arange(len(data)), data)
+        add_tangents(self.elements, by_velocity, q, np.arange(len(data)), data)
         return self._matrix(data)
 
     def energy(self, series: Array) -> Array:
         """Strain energy at each of several states, (n, size), J."""
         found = np.zeros(len(series))
-        strain_energies(self.elements(0.0), np.ascontiguousarray(series), found)
+        strain_energies(self.elements, np.ascontiguousarray(series), found)
         return found
 
     def _matrix(self, data: Any) -> Matrix:

@@ -76,7 +76,7 @@ class Rival:
             steps.Scheme(
                 judge.h, run.psi, run.phi, judge.c, by_v, run.newton_tolerance, dense, self.scale
             ),
-            system.beams.elements(by_v),
+            system.beams.elements,
             Rows(index(J.indptr), index(J.indices), J.data.copy(), _gram(J)[0], *np.zeros((2, self.m))),
             loads_of(system.loads), system.dead, factorise(Matrix((0, 0)), 0, np.zeros((0, 1), dtype=np.int64))[0],
             matrix, room,

@@ -253,7 +253,7 @@ def assemble(equations: Equations, values: Array, q: Array) -> None:
     matrix, loads, data = equations.saddle, equations.loads, equations.saddle.data
     for i in range(len(data)):
         data[i] = equations.scheme.c.to_w * matrix.mass[i] + matrix.joints[i]
-    add_tangents(equations.elements, q, matrix.elements, data)
+    add_tangents(equations.elements, equations.scheme.by_v, q, matrix.elements, data)
     at = 0
     for k in range(len(loads.torque)):
         if loads.torque[k]:

@@ -66,14 +66,20 @@ def thick(n: int, load: float, axis: int) -> float:
 
 def lees_frame(n: int, limit: int) -> float:
     """Snap-through (0) or snap-back (1) of a frame: the limit load, N; elements of its shortest part."""
+    t = lees_path(n)
+    return 2e4 * float(t.min() if limit else t[: t.argmin()].max())
+
+
+@cache
+def lees_path(n: int) -> Any:
+    """Load factors of its equilibria."""
     section, material = at.Rectangle(3.0, 2.0), at.Material(7.2e6, 1.0)
     corners = {"post": ((0, 0), (0, 120)), "short": ((0, 120), (24, 120)), "long": ((24, 120), (120, 120))}
     bodies = [at.Beam(name, *ends, section, material) for name, ends in corners.items()]
     welds = at.Weld("post.end", "short.start"), at.Weld("short.end", "long.start")
     joints = [at.Pin("post.start"), *welds, at.Pin("long.end")]
     scene = at.Scene("Lee's frame", bodies, joints, [at.Force("short.end", (0.0, -2e4))])
-    t = at.solve_static(scene, mesh={"post": 5 * n, "short": n, "long": 4 * n}, path="arclength").t
-    return 2e4 * float(t.min() if limit else t[: t.argmin()].max())
+    return at.solve_static(scene, mesh={"post": 5 * n, "short": n, "long": 4 * n}, path="arclength").t
 
 
 SPAN, ROPE, WEIGHT, AXIAL, BENDING = 80.0, 100.0, 10.0, 1e7, 1e-4

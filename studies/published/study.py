@@ -8,6 +8,7 @@ from math import floor, log10
 from typing import Any, NamedTuple
 
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from anctmm.errors import AnctmmError
 from reference.exact.andrews import PUBLISHED as SQUEEZED
@@ -23,7 +24,7 @@ EXUDYN = "Exudyn, test models"
 NACHBAGAUER = "Nachbagauer et al. 2011, 10.1007/s11044-011-9249-8"
 WRIGHT = "Wright et al. 1982, J. Appl. Mech. 49, 197–202"
 SIMO = "Simo & Vu-Quoc 1986, J. Appl. Mech. 53, 855–863"
-IVP = "Test Set for Initial Found Problem Solvers, tolerance 1e-14"
+IVP = "Test Set for Initial Value Problem Solvers, tolerance 1e-14"
 SHEAR = "needs Reissner's beam: the paper's shear element has Green's strains and locks for ν > 0"
 COARSE = "on the published mesh of linear elements of Exudyn's beam of Reissner's kind"
 
@@ -139,7 +140,8 @@ NOTES = (
 def published(quick: bool = False) -> pd.DataFrame:
     """A row a published number: what is found here, and the verdict."""
     chosen = [e for e in PUBLISHED if not (quick and e.problem.startswith("Andrews"))]
-    return pd.DataFrame([_row(entry, quick) for entry in chosen])
+    with threadpool_limits(limits=1):  # matrices are small: threads cost more than they bring
+        return pd.DataFrame([_row(entry, quick) for entry in chosen])
 
 
 def _row(entry: Published, quick: bool) -> dict[str, Any]:

@@ -50,6 +50,7 @@ def test_force_is_gradient_of_dissipation_and_its_power_twice_that(kind):
         shifted[i] += 1e-30j
         assert element.dissipation(q, shifted).imag / 1e-30 == pytest.approx(force[i], rel=1e-12, abs=1e-9)
     assert (force * v).sum() == pytest.approx(2.0 * element.dissipation(q, v), rel=1e-12)
+    assert np.allclose(np.tensordot(element.damping_matrix(q), v, 2), force, rtol=1e-10)
     # along a motion the elastic force changes by K q̇: where there is no stress the damping force is τ times that
     q = undeformed(element)
     expected = element.damping * np.tensordot(element.tangent(q), v, 2)

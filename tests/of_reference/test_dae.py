@@ -79,7 +79,7 @@ def error(one, two, probes):
 def test_elements_are_those_of_the_readable_classes(element):
     system, q, v, _ = random_state(element)
     beams, force, damping, energy = system.beams, np.zeros(system.size), np.zeros(system.size), 0.0
-    K = np.zeros((system.size, system.size))
+    K, D = np.zeros((2, system.size, system.size))
     meshes = [mesh for mesh in system.layout.meshes.values() for _ in range(mesh.elements)]
     for mesh, rows in zip(meshes, beams.at, strict=True):
         x, y = q[rows].reshape(-1, 2), v[rows].reshape(-1, 2)
@@ -87,9 +87,11 @@ def test_elements_are_those_of_the_readable_classes(element):
         force[rows] += mesh.element.force(x).ravel()
         damping[rows] -= mesh.element.damping_force(x, y).ravel()
         K[np.ix_(rows, rows)] += mesh.element.tangent(x).reshape(len(rows), len(rows))
+        D[np.ix_(rows, rows)] += mesh.element.damping_matrix(x).reshape(len(rows), len(rows))
     assert beams.energy(q[None])[0] == pytest.approx(energy, rel=1e-13)
     for found, exact in (
-        (beams.force(q), force), (beams.damping(q, v), damping), (beams.tangent(q).toarray(), K)
+        (beams.force(q), force), (beams.damping(q, v), damping),
+        (beams.tangent(q).toarray(), K), (beams.tangent(q, 2.0).toarray(), K + 2.0 * D),
     ):  # fmt: skip
         np.testing.assert_allclose(found, exact, atol=1e-12 * np.abs(exact).max())
 
