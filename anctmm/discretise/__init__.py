@@ -1,1 +1,1 @@
-"""Discretisation of a scene: mesh, assembly of elements, order of elimination."""
+"""Options of a run, integrators with their parameters, and the memory that a run needs."""
