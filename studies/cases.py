@@ -62,7 +62,10 @@ def find_case(given: str, name: str | None = None) -> Case:
 def chosen(given: str | None, name: str | None) -> tuple[Case, ...] | None:
     """Cases that a user means, if he means any; errors as of `find_cases`."""
     if given is None and name is not None:
-        raise CaseError(f"--case is {name!r} without a file; a file that defines {DECLARED} is needed")
+        raise CaseError(
+            f"--case is {name!r} without a file; a file that defines {DECLARED} is needed, or the name of a built-in scene "
+            f"in the place of a file"
+        )
     return None if given is None else find_cases(given, name)
 
 
