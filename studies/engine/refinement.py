@@ -4,6 +4,7 @@ Meshes or steps may be given instead, from coarse to fine; the remaining error i
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isfinite, isinf, nan
@@ -15,7 +16,7 @@ from anctmm.elements.kinds import KINDS
 from anctmm.errors import ResultError
 from anctmm.model.case import Case
 from anctmm.model.scene import Probe
-from anctmm.results.metrics import common_times, history_error, rounding_at, worst
+from anctmm.results.metrics import Array, common_times, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
@@ -252,11 +253,9 @@ def difference(one: Solution, other: Solution, probes: Sequence[Probe]) -> float
 
     def at(probe: Probe) -> float:
         u, v = one.displacement(probe), other.displacement(probe)
-        try:
-            if rests(other, probe) and np.abs(other.angle(probe)).max(initial=0.0) > TURNED:
-                u, v = one.angle(probe)[:, None], other.angle(probe)[:, None]
-        except ResultError:  # not every solver gives angles
-            pass
+        with suppress(ResultError):  # not every solver gives angles
+            if (turned := turned_in_place(other, probe)) is not None:
+                u, v = one.angle(probe)[:, None], turned[:, None]
         return history_error(u[mine], v[theirs], rounding_at(other, probe))
 
     return worst(map(at, probes))
@@ -266,3 +265,12 @@ def rests(solution: Solution, probe: Probe) -> bool:
     """Whether a probe moves by no more than rounding."""
     moved = np.linalg.norm(solution.displacement(probe), axis=1).max(initial=0.0)
     return bool(moved <= rounding_at(solution, probe))
+
+
+def turned_in_place(solution: Solution, probe: Probe) -> Array | None:
+    """Angle of a probe that rests and turns, such as an axle, rad; None of others, and where a solver gives none."""
+    if rests(solution, probe):
+        with suppress(ResultError):
+            angle = solution.angle(probe)
+            return angle if np.abs(angle).max(initial=0.0) > TURNED else None
+    return None

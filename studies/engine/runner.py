@@ -10,12 +10,12 @@ from typing import Any
 import cloudpickle
 import joblib
 
-from anctmm.errors import AnctmmError
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry
 from anctmm.solvers.registry import Solver
 from studies.engine import provenance
 from studies.engine.identity import identity
+from studies.engine.meshes import StudyError
 from studies.engine.timing import in_turn, settled
 from studies.engine.trials import Trial, solved
 
@@ -23,10 +23,6 @@ from studies.engine.trials import Trial, solved
 COMPUTING = ("anctmm", "reference")
 #: Samples of a time, by whether the study is quick.
 ROUNDS = {False: 5, True: 1}
-
-
-class SweepError(AnctmmError, ValueError):
-    """Workers or a cluster cannot be used."""
 
 
 def remembered(key: str, compute: Callable[[], bytes]) -> bytes:
@@ -50,7 +46,7 @@ class Runner:
     def __post_init__(self) -> None:
         if self.workers > 1 and self.cluster:
             both = f"--workers is {self.workers} beside --cluster {self.cluster!r}"
-            raise SweepError(f"{both}; one of them is allowed")
+            raise StudyError(f"{both}; one of them is allowed")
         self._origins = dict(registry.origins())
         self._remembered = joblib.Memory(self.store, verbose=0).cache(remembered, ignore=["compute"])
 
@@ -139,9 +135,9 @@ def _dask(address: str) -> Iterator[None]:
 
         client = Client(address, timeout="10s")
     except ModuleNotFoundError:
-        raise SweepError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
+        raise StudyError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        raise SweepError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
+        raise StudyError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
     with client, joblib.parallel_config(backend="dask"):
         yield

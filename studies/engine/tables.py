@@ -105,6 +105,12 @@ def say(console: Console, text: str, style: str = "") -> None:
     console.print(Text(text, style), highlight=False, soft_wrap=not console.is_terminal)
 
 
+def say_counts(console: Console, verdicts: Iterable[str]) -> None:
+    """Print how often each verdict occurs, in the order in which they appear."""
+    counts = pd.Series(list(verdicts)).value_counts(sort=False)
+    say(console, ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+
+
 def show_frame(console: Console, title: str, frame: pd.DataFrame) -> None:
     """Print a table, numbers on the right; in a pipe or a file with all of its columns, however wide."""
     shown = RichTable(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)

@@ -56,7 +56,7 @@ class Base:
     @property
     def trial(self) -> Trial:
         """The refined run, with a tight tolerance of Newton's iteration."""
-        return replace(self.found.trial, options=(("newton_tolerance", TIGHT),))
+        return replace(self.found.trial, options={"newton_tolerance": TIGHT})
 
     @property
     def rounding(self) -> float:

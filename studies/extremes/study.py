@@ -190,7 +190,7 @@ def _picture(name: str, ours: Solution, whole: dict[str, Array]) -> Picture:
 
 def steps(base: Base) -> Part:
     """The largest stable explicit step, and how near to it a fixed step can go over the motion."""
-    plain = replace(base.trial, integrator=EXPLICIT, options=(("check_stability", False),))
+    plain = replace(base.trial, integrator=EXPLICIT, options={"check_stability": False})
     limit, interval = explicit_limit(plain) / MARGIN, base.case.interval
     if isinf(limit):
         return base.part(*STABLE, [base.row("does not apply: nothing vibrates, or no explicit run")], "")
@@ -222,7 +222,7 @@ def elements(base: Base) -> Part:
 
 def _finer(base: Base) -> Iterator[Row]:
     case, before = base.case, None
-    trial = replace(base.trial, options=(("newton_tolerance", NEWTON),))
+    trial = replace(base.trial, options={"newton_tolerance": NEWTON})
     if not case.static:
         trial = replace(trial, t_end=STEPS * trial.dt, output_dt=trial.dt)
     while trial.elements <= MOST[base.quick]:

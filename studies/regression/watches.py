@@ -1,17 +1,19 @@
-"""How all scenes of `anctmm check` are run: every element, integrator and option, by the solvers that have them.
+"""How the scenes of `anctmm check` are run: every element, integrator and option, by the solvers that have them.
 
 Meshes and steps are coarse: the code is tested, not its accuracy, and it should not take long.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.case import Case
 from anctmm.model.scene import Beam, Probe, Scene
 from studies import scenes as base
+from studies.engine.meshes import Mesh, by_beam, by_length, longest_step
 from studies.regression import small_scenes as small
-from studies.regression.scenes import TIGHT, Read, Run, Static, Watch
+from studies.regression.scenes import TIGHT, Motion, Read, Run, Static, Watch
 
 Runs = dict[str, Run]
 OURS = ("anctmm",)
@@ -207,3 +209,27 @@ def _limits() -> Iterator[Watch]:
             dt = float(f"{limit * factor:.5g}")
             run = Discretisation(mesh, element, integrator="zhai", dt=dt, t_end=4.0 * dt, psi=psi, phi=psi)
             yield _watch(scene, {f"{side}-limit-{name}": run}, ends)
+
+
+# --- a user's cases ----------------------------------------------------------------------------------------------
+
+#: Elements of the longest beam, steps between outputs, and samples of a stored history at most.
+ELEMENTS, EVERY, SAMPLES = 4, 4, 20
+
+
+def watches_of(cases: Iterable[Case], mesh: Mesh | None = None, dt: float | None = None) -> tuple[Watch, ...]:
+    """A watch of each case, of one run of cables and implicit steps.
+
+    `mesh` has elements of each beam, or one number for all; StudyError if it does not fit. `dt` is a step, s.
+    """
+    return tuple(Watch(c.scene, tuple(c.probes), {"cable": _run(c, mesh, dt)}, PEERS) for c in cases)
+
+
+def _run(case: Case, given: Mesh | None, dt: float | None) -> Motion:
+    mesh = by_beam(case.scene, given or by_length(case.scene, ELEMENTS, each=2) or (2,))
+    if case.static:
+        return Static(mesh)
+    outputs = round(case.duration / case.interval)
+    few = next(k for k in range(1, outputs + 1) if outputs % k == 0 and outputs // k <= SAMPLES)
+    times = {"dt": dt or longest_step(case) / EVERY, "t_end": case.duration, "output_dt": few * case.interval}
+    return Discretisation(mesh, newton_tolerance=TIGHT, **times)

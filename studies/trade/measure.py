@@ -23,7 +23,7 @@ from studies.engine.runner import Runner
 from studies.engine.study import Options
 from studies.engine.tables import records
 from studies.engine.timing import least
-from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, SHARED, Trial, explicit_limit, offer_of
+from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, Trial, explicit_limit, offer_of
 
 Level = TypeVar("Level")
 #: Target errors; the smallest by default, by whether the run is quick.
@@ -159,11 +159,10 @@ def _families(levels: Levels, element: str, solver: str, options: Options) -> It
         if integrator == EXPLICIT:
             yield plain, True
             continue
-        choices = (tuple(choice.items()) for choice in offer.choices)
-        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(choices))
-        newton = ("newton_tolerance", NEWTON_TOLERANCES[-1])
+        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(offer.choices))
         for tolerance in TOLERANCES[quick]:
-            yield replace(plain, options=(("tolerance", tolerance), newton)), True
+            given = {"tolerance": tolerance, "newton_tolerance": NEWTON_TOLERANCES[-1]}
+            yield replace(plain, options=given), True
 
 
 def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:
@@ -236,9 +235,9 @@ def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
     """A run by a fine step on a mesh: by the fourth-order steps of ANC–TMM, or else by second order of the solver."""
     solver, shortest = _owner(trial), min(levels.steps)
     tight = {k: NEWTON if k == "newton_tolerance" else v for k, v in offer_of(solver).choices[0].items()}
-    fourth = replace(trial, solver=solver, integrator="esdirk", options=tuple(tight.items()), dt=shortest)
+    fourth = replace(trial, solver=solver, integrator="esdirk", options=tight, dt=shortest)
     second = replace(fourth, integrator=IMPLICIT, dt=shortest / FINER)
-    explicit = replace(fourth, integrator=EXPLICIT, options=(), dt=nan)
+    explicit = replace(fourth, integrator=EXPLICIT, options={}, dt=nan)
     runner.heading = f"{levels.case.name}, error of the step: "
     for one in [fourth, second, explicit] if solver == OURS else [second, explicit]:
         one = one if one.dt > 0.0 else replace(one, dt=min(steps_of(levels, one)))
@@ -251,13 +250,13 @@ def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
 
 def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine) -> dict[str, Any]:
     trial, cost = setting["trial"], solution.cost
-    reference, asked = levels.reference_of(trial.element), dict(trial.options)
+    reference, asked = levels.reference_of(trial.element), trial.options
     return {
         "scene": levels.case.name, "solver": trial.solver, "element": trial.used, "asked": trial.element,
         "quadrature": KINDS[trial.element].quadrature_shown(trial.quadrature), "integrator": trial.integrator,
         "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt, "tolerance": asked.get("tolerance", nan),
         "newton_tolerance": asked.get("newton_tolerance", nan),
-        "own": str({k: v for k, v in trial.options if k not in SHARED}), "steps": cost.steps,
+        "own": str(trial.own), "steps": cost.steps,
         "newton_iterations": cost.newton_iterations, "error": reference.error_of(solution),
         "mesh_error": reference.error_of(fine[0]) if fine else nan,
         "step_error": difference(solution, fine[0], levels.case.probes) if fine else nan,

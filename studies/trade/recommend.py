@@ -22,7 +22,7 @@ from studies.engine.identity import identity
 from studies.engine.meshes import mesh_label
 from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import milliseconds, say, show_frame
-from studies.engine.trials import NO_BEAMS, SHARED, Trial
+from studies.engine.trials import NO_BEAMS, Trial
 from studies.trade.measure import same_continuum
 from studies.trade.tables import history, parts_text, setting_of, stepping
 
@@ -172,13 +172,13 @@ def _choice(rows: pd.DataFrame, chosen: pd.Series, *remarks: str) -> Choice:
 
 def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
     """The run of a row of the points."""
-    tolerances = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
+    tolerances = {k: float(line[k]) for k in ("tolerance", "newton_tolerance") if line[k] > 0}
     dt, elements = float(line["dt"]), "1" if line["elements"] == NO_BEAMS else str(line["elements"])
     return Trial.of(
         case, str(line["solver"]), tuple(int(n) for n in elements.split("/")), element=str(line["asked"]),
         quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]), integrator=str(line["integrator"]),
         dt=case.interval / round(case.interval / dt) if dt > 0 else dt,  # a table has nine digits
-        options=(*tolerances, *literal_eval(line["own"]).items()),
+        options=tolerances | literal_eval(line["own"]),
     )  # fmt: skip
 
 
@@ -186,7 +186,7 @@ def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
     """A script that runs a row of the points and leaves `solution`."""
     trial = trial_of(line, case)
     run = ", ".join(f"{name}={value!r}" for name, value in trial.arguments.items())
-    own = "".join(f", {name}={value!r}" for name, value in trial.options if name not in SHARED)
+    own = "".join(f", {name}={value!r}" for name, value in trial.own.items())
     return "\n".join([
         "import anctmm as at",
         "from anctmm.solvers import registry",
