@@ -9,9 +9,8 @@ from rich.console import Console
 from anctmm.errors import PluginError
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from studies.conformance.rules import RULES, SIGNATURE, Rule
+from studies.conformance.rules import RULES, SIGNATURE, BrokenRule, Rule, Subject
 from studies.conformance.scenes import cantilever
-from studies.conformance.subject import BrokenRule, Subject
 from studies.engine.tables import say_counts, show_frame
 from studies.engine.trials import not_installed
 

@@ -91,21 +91,20 @@ class Refinement:
 
     def solution(self, i: int, j: int) -> Solution:
         """The run of a level, done once."""
-        self._solve([(i, j)])
-        return self.solutions[i, j]
+        return self._runs([(i, j)])[0]
 
     def runs_along(self, i: int, j: int, axis: int) -> list[Solution]:
         """The run of a level and the next two coarser ones of an axis, MESH or STEP; none where it is not refined."""
-        return [self.solution(*level) for level in self._levels_along(i, j, axis)]
+        return self._runs(self._levels_along(i, j, axis))
 
     def _levels_along(self, i: int, j: int, axis: int) -> list[tuple[int, int]]:
         levels = [(i - k, j) if axis == MESH else (i, j - k) for k in range(3)]
         return [level for level in levels if min(level) >= 0] if self.refines[axis] else []
 
-    def _solve(self, levels: Sequence[tuple[int, int]]) -> None:
+    def _runs(self, levels: Sequence[tuple[int, int]]) -> list[Solution]:
         new = [level for level in dict.fromkeys(levels) if level not in self.solutions]
-        found = self.runner.solve_many(self.trial(*level) for level in new)
-        self.solutions |= dict(zip(new, found, strict=True))
+        self.solutions |= zip(new, self.runner.solve_many(self.trial(*level) for level in new), strict=True)
+        return [self.solutions[level] for level in levels]
 
     def part(self, i: int, j: int, axis: int) -> Part:
         """Part of the error that is due to the mesh or the step."""
@@ -159,7 +158,7 @@ class Refinement:
         if not self.solution(i, j).status.ok:
             mesh = step = Part(inf)
         else:
-            self._solve([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
+            self._runs([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
             mesh, step = self.part(i, j, MESH), self.part(i, j, STEP)
         return Refined(self, i, j, self.trial(i, j), self.solutions[i, j], mesh, step, target)
 

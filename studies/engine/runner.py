@@ -1,7 +1,7 @@
 """Runs of trials: joblib stores each when it is done, and does them in other processes where workers are given."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -110,7 +110,8 @@ class Runner:
         """Solutions as they are computed, in their order, here or by workers."""
         if not trials:
             return
-        with self._backend():
+        one = nullcontext() if self.workers == 1 else joblib.parallel_config("loky", inner_max_num_threads=1)
+        with _dask(self.cluster) if self.cluster else one:
             self.show(f"{self.heading}{trials[0].label}", 0, len(trials))
             parallel = joblib.Parallel(n_jobs=-1 if self.cluster else self.workers, return_as="generator")
             jobs = (joblib.delayed(solved)(trial, self.resolve) for trial in trials)
@@ -118,13 +119,6 @@ class Runner:
                 self.computed += 1
                 yield solution
                 self.show(f"{self.heading}{trials[min(k, len(trials) - 1)].label}", k, len(trials))
-
-    def _backend(self) -> AbstractContextManager[Any]:
-        """Where joblib runs: this process, others of this machine, or a cluster."""
-        if self.cluster:
-            return _dask(self.cluster)
-        alone = self.workers == 1
-        return nullcontext() if alone else joblib.parallel_config(backend="loky", inner_max_num_threads=1)
 
 
 @contextmanager

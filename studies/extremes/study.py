@@ -19,7 +19,7 @@ from studies.engine.files import file_name
 from studies.engine.other_numbers import Change, changed
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result
-from studies.engine.trials import EXPLICIT, MARGIN, explicit_limit
+from studies.engine.trials import EXPLICIT, MARGIN, Trial, explicit_limit
 from studies.extremes.base import NOT_RUN, Base, Part, Row, apart, energy_error, good, largest
 from studies.report.plots import DASHES, legend_below, picture
 
@@ -212,36 +212,34 @@ def steps(base: Base) -> Part:
 
 def elements(base: Base) -> Part:
     """The first steps on meshes four times finer each, and the difference to another solver."""
-    rows = list(_finer(base)) if base.case.scene.beams else [base.row("does not apply: no beam")]
-    known = [row["to_peer"] for row in good(rows) if row["to_peer"] == row["to_peer"]]
-    text = f"runs hold up to {max((row['dofs'] for row in good(rows)), default=0)} coordinates"
-    text += f"; {base.peer} differs by {max(known):.0e} at most" if known else ""
-    text += "" if rows[-1]["status"] == "ok" else f"; beyond: {rows[-1]['status']}"
-    return base.part(*MANY, rows, text)
-
-
-def _finer(base: Base) -> Iterator[Row]:
-    case, before = base.case, None
-    trial = replace(base.trial, options={"newton_tolerance": NEWTON})
+    case, runs, plain = base.case, list[Solution](), replace(base.trial, options={"newton_tolerance": NEWTON})
+    if not case.scene.beams:
+        return base.part(*MANY, [base.row("does not apply: no beam")], "")
     if not case.static:
-        trial = replace(trial, t_end=STEPS * trial.dt, output_dt=trial.dt)
-    while trial.elements <= MOST[base.quick]:
-        run, to_peer = base.run(trial, f"{trial.elements} elements"), nan
-        about: Row = {"elements": trial.elements, "dofs": run.dofs}
-        if not run.status.ok:
-            yield base.row(run.status, **about)
-            return
+        plain = replace(plain, t_end=STEPS * plain.dt, output_dt=plain.dt)
+
+    def measured(trial: Trial, run: Solution) -> Row:
+        coarser, to_peer = runs[-1:], nan
+        runs.append(run)
         if base.peer and trial.elements <= MOST_OF_PEER:
             peer = base.run(replace(trial, solver=base.peer), f"{base.peer}, {trial.elements} elements")
             to_peer = float(apart(run, peer, case).max()) if peer.status.ok else nan
-        yield base.row(
-            **about,
-            to_coarser=nan if before is None else float(apart(before, run, case).max()),
-            us_per_element_step=1e6 * run.cost.cpu_s / trial.elements / max(run.cost.steps, 1),
-            to_peer=to_peer,
-            uncertainty=(EPS * STEPS**1.5 + NEWTON * STEPS) * case.scene.length / largest(run, case),
-        )
-        before, trial = run, replace(trial, mesh=tuple(4 * n for n in trial.mesh))
+        return {
+            "dofs": run.dofs, "to_coarser": max((apart(before, run, case).max() for before in coarser), default=nan),
+            "us_per_element_step": 1e6 * run.cost.cpu_s / trial.elements / max(run.cost.steps, 1), "to_peer": to_peer,
+            "uncertainty": (EPS * STEPS**1.5 + NEWTON * STEPS) * case.scene.length / largest(run, case),
+        }  # fmt: skip
+
+    times = max(int(log(MOST[base.quick] / plain.elements, 4)), 0)  # that it is refined
+    rows = base.swept(
+        [4**k * plain.elements for k in range(times + 1)],
+        lambda count: replace(plain, mesh=tuple(n * int(count) // plain.elements for n in plain.mesh)),
+        measured, "elements",
+    )  # fmt: skip
+    known = [row["to_peer"] for row in good(rows) if row["to_peer"] == row["to_peer"]]
+    text = f"runs hold up to {max((row['dofs'] for row in good(rows)), default=0)} coordinates"
+    text += f"; {base.peer} differs by {max(known):.0e} at most" if known else ""
+    return base.part(*MANY, rows, text + _beyond(rows, "elements", "elements"))
 
 
 def places(base: Base, growth: float) -> Part:
@@ -323,7 +321,7 @@ def time(base: Base) -> Part:
     return base.part(*TIME, rows, text + _beyond(rows))
 
 
-def _beyond(rows: Sequence[Row]) -> str:
-    """End of a sentence: the first factor that has no answer."""
+def _beyond(rows: Sequence[Row], column: str = "factor", unit: str = "times") -> str:
+    """End of a sentence: the first row that has no answer."""
     bad = next((row for row in rows if row["status"] != "ok"), None)
-    return f"; {bad['factor']:g} times: {bad['status']}" if bad else ""
+    return f"; {bad[column]:g} {unit}: {bad['status']}" if bad else ""

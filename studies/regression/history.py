@@ -89,25 +89,19 @@ def write_history(path: Path, task: Task, stored: History) -> None:
     scene, texts = task.scene, stored.frame.astype(object)
     for column in texts:
         decimals = max(0, ceil(-log10(stored.tolerances[quantity_of(column)].value))) + SPARE_DIGITS
-        texts[column] = [f"{value:.{decimals}f}" for value in texts[column]]
+        texts[column] = texts[column].map(f"{{:.{decimals}f}}".format)
     texts.index = pd.Index([f"{t:.9g}" for t in stored.t], name=stored.frame.index.name)
-    parts = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))]
+    parts = map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))
+    known = ((q, f"{t.value:.1e} {UNITS[q]}, {t.reason}") for q, t in stored.tolerances.items())
     head = [
         ("scene", scene.name),
         *(("physics", re.sub(r" at 0x\w+", "", " ".join(part.split()))) for part in parts),
-        ("physics", f"gravity {scene.gravity}"),
-        ("run", task.run_name),
-        ("solver", task.solver),
+        ("physics", f"gravity {scene.gravity}"), ("run", task.run_name), ("solver", task.solver),
         ("settings", stored.settings),
         ("made by (shown, not compared)", f"{provenance.machine()['system']}, {provenance.software()}"),
-        *(
-            (f"tolerance of {q}", f"{t.value:.1e} {UNITS[q]}, {t.reason}")
-            for q, t in stored.tolerances.items()
-        ),
-        ("Newton corrections", str(stored.corrections)),
-        ("ending", stored.ending),
-        ("rows", str(len(texts))),
-    ]
+        *((f"tolerance of {quantity}", text) for quantity, text in known),
+        ("Newton corrections", str(stored.corrections)), ("ending", stored.ending), ("rows", str(len(texts))),
+    ]  # fmt: skip
     words = [FIRST, *(f"# {name}: {value}" for name, value in head if value)]
     atomic_write(path, "\n".join([*words, texts.to_csv(lineterminator="\n") + LAST, ""]))
 

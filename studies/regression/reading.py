@@ -103,9 +103,6 @@ def _numbered(axis: str, columns: Columns) -> History:
     return History(pd.DataFrame(dict(columns)).rename_axis(axis))
 
 
-# --- histories of a motion -----------------------------------------------------------------------------------
-
-
 def _history(run: Motion, found: Solution, columns: Columns) -> History:
     """Samples at the times wanted; a solver may take more of them (load steps), or end early."""
     if isinstance(run, Static):
@@ -147,9 +144,6 @@ def _given(quantity: str, series: Array) -> Columns:
     """An energy, unless it is zero throughout (kinetic in statics) or the solver does not give it."""
     if np.any(series != 0.0) and np.isfinite(series).all():
         yield label(quantity), series
-
-
-# --- what users read besides -----------------------------------------------------------------------------------
 
 
 def _saved(found: Solution) -> Solution:

@@ -23,9 +23,6 @@ class CheckError(AnctmmError, ValueError):
     """The runs to check, or their stored histories, cannot be determined."""
 
 
-# --- kinds of runs -------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Static:
     """A static equilibrium as a history over the load factor.
@@ -98,9 +95,6 @@ def _words(value: Any) -> str:
     if isinstance(value, Mapping):
         return "/".join(f"{v} {k}" for k, v in value.items())
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-# --- scenes with their runs ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,6 @@ ROW3 = {"one": 2, "two": 3, "beside": 1}
 ROW4 = {"one": 1, "two": 3, "three": 2, "four": 1}
 
 
-# --- runs ------------------------------------------------------------------------------------------------------
-
-
 def fixed(
     integrator: str, mesh: Any, element: Any = "cable", steps: int = 25, dt: float = 2e-3, every: int = 5,
     **options: Any,
@@ -67,9 +64,6 @@ def controlled(
     """Steps by a tolerance, with so many outputs."""
     options = {"integrator": "generalized-alpha", "newton_tolerance": TIGHT, **options}
     return Discretisation(mesh, tolerance=tolerance, t_end=t_end, output_dt=t_end / parts, **options)
-
-
-# --- base scenes -----------------------------------------------------------------------------------------------
 
 
 def base_scenes() -> list[Watch]:
@@ -210,8 +204,6 @@ def _limits() -> Iterator[Watch]:
             run = Discretisation(mesh, element, integrator="zhai", dt=dt, t_end=4.0 * dt, psi=psi, phi=psi)
             yield _watch(scene, {f"{side}-limit-{name}": run}, ends)
 
-
-# --- a user's cases ----------------------------------------------------------------------------------------------
 
 #: Elements of the longest beam, steps between outputs, and samples of a stored history at most.
 ELEMENTS, EVERY, SAMPLES = 4, 4, 20

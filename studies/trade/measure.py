@@ -185,9 +185,6 @@ def steps_of(levels: Levels, trial: Trial) -> tuple[float, ...]:
     return largest, largest / 2.0
 
 
-# --- runs, errors and times --------------------------------------------------------------------------------
-
-
 def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[pd.DataFrame, pd.DataFrame]:
     """A row a setting with its error and the time of one run, and a row a kind of setting with its outcome.
 
