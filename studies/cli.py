@@ -166,7 +166,7 @@ def recommend(
     advice.show(choice, measured.origin, Console())
     written = str(Path(scene).resolve()) if is_file(scene) else own.name
     print(f"\n{advice.script(choice.line, own, written)}")
-    again = advice.rerun(choice, own, written, measured, error) if rerun else None
+    again = advice.rerun(choice, own, measured, error) if rerun else None
     if again:
         advice.show_rerun(again, Console())
     return Code.DONE if choice.reached and (not again or again.met) else Code.DIFFERS

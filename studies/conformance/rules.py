@@ -8,7 +8,6 @@ from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
@@ -311,14 +310,10 @@ def _difference(s: Subject, other: Subject, feature: str) -> float | None:
     integrator = next((i for i in s.offer.integrators if not s.offer.lacking({*needed, i})), None)
     if integrator is None:
         return None
-    theirs = _effect(*(s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes))
-    ours = _effect(*(other.motion(scene, element="cable", t_end=ACTED) for scene in scenes))
-    return float(np.abs(theirs - ours).max() / np.abs(ours).max())
-
-
-def _effect(changed: Solution, plain: Solution) -> NDArray[np.float64]:
-    """Difference of two motions at the probes."""
-    return np.array([changed.displacement(p) - plain.displacement(p) for p in PROBES])
+    theirs = (s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes)
+    ours = (other.motion(scene, element="cable", t_end=ACTED) for scene in scenes)
+    effects = [[one.displacement(p) - plain.displacement(p) for p in PROBES] for one, plain in (theirs, ours)]
+    return float(np.abs(np.subtract(*effects)).max() / np.abs(effects[1]).max())
 
 
 # --- statics -----------------------------------------------------------------------------------------------

@@ -80,6 +80,11 @@ class Trial:
         return "tolerance" in self.options
 
     @property
+    def stepping(self) -> str:
+        """Its integrator, and whether a tolerance controls the step."""
+        return self.integrator + (", error-controlled" if self.error_controlled else "")
+
+    @property
     def work(self) -> float:
         """A rough measure of how long it takes: elements times steps (or outputs, where a tolerance controls steps)."""
         return self.elements * (max(self.t_end / self._step, 1.0) if self.t_end else STATIC_STEPS)

@@ -41,6 +41,8 @@ class Base:
 
     case: Case
     found: Refined  # of cables and implicit steps
+    trial: Trial  # the refined run, with a tight tolerance of Newton's iteration: variants differ from it
+    plain: Solution  # of that, or of the refined run where it is not complete
     runner: Runner
     quick: bool
     peer: str  # another solver with the same elements; empty without one
@@ -50,13 +52,10 @@ class Base:
         """Refine a case."""
         runner.heading = f"{case.name}, mesh and step: "
         found = Refinement(case, runner).refined(TARGETS[quick])
+        trial = replace(found.trial, options={"newton_tolerance": TIGHT})
+        plain = runner.solve(trial) if found.solution.status.ok else found.solution
         peer = next(found.others(), None)
-        return cls(case, found, runner, quick, peer.solver if peer else "")
-
-    @property
-    def trial(self) -> Trial:
-        """The refined run, with a tight tolerance of Newton's iteration."""
-        return replace(self.found.trial, options={"newton_tolerance": TIGHT})
+        return cls(case, found, trial, plain, runner, quick, peer.solver if peer else "")
 
     @property
     def rounding(self) -> float:

@@ -96,14 +96,14 @@ def run(options: Options, runner: Runner) -> Result:
         findings=tuple(p.finding for p in found), assumptions=assumptions_of(case),
         tables=tuple(p.table for p in found), pictures=tuple(picture for p in found for picture in p.pictures),
         answers=tuple(Answer(f"{case.name}: {ASKED.get(p.table.name, 'limits?')}", "", p.finding) for p in cards),
-        shown=tuple(p.table.name for p in found), good=base.found.solution.status.ok,
+        shown=tuple(p.table.name for p in found), good=base.plain.status.ok,
     )  # fmt: skip
 
 
 def _parts(base: Base) -> Iterator[Part]:
-    status = base.found.solution.status
-    if not status.ok:
-        yield base.part("refined", "No refined run", "Of cables and implicit steps.", [base.row(status)], "")
+    if not base.plain.status.ok:
+        rows = [base.row(base.plain.status)]
+        yield base.part("refined", "No refined run", "Of cables and implicit steps.", rows, "")
         return
     larger = 1.0
     if not base.case.static:
@@ -116,8 +116,7 @@ def _parts(base: Base) -> Iterator[Part]:
 
 def growth(base: Base) -> tuple[Part, float]:
     """Rows of one case, and the factor by which its motion makes a disturbance larger."""
-    case, trial = base.case, base.trial
-    ours = base.run(trial, "refined run")
+    case, trial, ours = base.case, base.trial, base.plain
     pushed = replace(trial, scene=_disturbed(case, largest(ours, case)))
     pairs = {f"push, {trial.solver}": (ours, base.run(pushed, "disturbed"))}
     if base.peer:
@@ -242,21 +241,18 @@ def elements(base: Base) -> Part:
     return base.part(*MANY, rows, text + _beyond(rows, "elements", "elements"))
 
 
-def places(base: Base, growth: float) -> Part:
+def places(base: Base, larger: float) -> Part:
     """The case far from the origin: only rounding may change the answer, and grow as a disturbance does."""
-    case, length, plain = base.case, base.case.scene.length, base.run(base.trial, "refined run")
-    rows = [base.row(plain.status)]
-    if plain.status.ok:
-        predicted = base.rounding * max(growth, 1.0) * length / largest(plain, case)
-        rows = base.swept(
-            FAR[base.quick],
-            lambda far: replace(base.trial, scene=Change((far * length, 0.5 * far * length)).scene(case.scene)),
-            lambda trial, run: {"difference": float(apart(plain, run, case).max())},
-            "lengths",
-        )  # fmt: skip
-        for row in good(rows):
-            most = predicted * (float(np.hypot(1.0, 0.5)) * row["lengths"] + 1.0)
-            row |= {"predicted": most, "status": row.pop("status")}
+    case, length = base.case, base.case.scene.length
+    predicted = base.rounding * larger * length / largest(base.plain, case)
+    rows = base.swept(
+        FAR[base.quick],
+        lambda far: replace(base.trial, scene=Change((far * length, 0.5 * far * length)).scene(case.scene)),
+        lambda trial, run: {"difference": float(apart(base.plain, run, case).max())}, "lengths",
+    )  # fmt: skip
+    for row in good(rows):
+        most = predicted * (float(np.hypot(1.0, 0.5)) * row["lengths"] + 1.0)
+        row |= {"predicted": most, "status": row.pop("status")}
     worst = max((row["difference"] for row in good(rows)), default=nan)
     return base.part(*PLACES, rows, f"far from the origin results differ by {worst:.0e} at most")
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, isinf, nan
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 from numpy import nansum
@@ -25,7 +25,6 @@ from studies.engine.tables import records
 from studies.engine.timing import least
 from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, Trial, explicit_limit, offer_of
 
-Level = TypeVar("Level")
 #: Target errors; the smallest by default, by whether the run is quick.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -36,8 +35,6 @@ SHARE = 0.3
 FEWEST, MOST_STEPS, MORE_MESHES = 2, 8, 2
 #: Tolerances of the error-controlled steps; of a quick run.
 TOLERANCES = {False: (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), True: (1e-2, 1e-3, 1e-4)}
-
-
 #: s of CPU time that a whole call of a sweep may take at most, and elements times steps, by whether it is quick.
 MOST_S, MOST_WORK = {False: 2.0, True: 1.0}, {False: 4e6, True: 4e5}
 #: Steps of one setting over the shortest step of the sweep, of the runs that separate the errors of step and mesh.
@@ -104,7 +101,7 @@ def _check_moves(case: Case, found: Mapping[str, Refined]) -> None:
         raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
 
 
-def _few(at: Callable[[int], Level], last: int, quick: bool) -> tuple[Level, ...]:
+def _few(at: Callable[[int], Any], last: int, quick: bool) -> tuple[Any, ...]:
     """Levels up to that of a reference; of a quick run the last and some before it, every second one."""
     levels = [at(k) for k in range(last + 1)]
     return tuple(levels[::-2][FEWEST::-1] if quick else levels)
@@ -126,10 +123,9 @@ def grid(levels: Levels, options: Options) -> pd.DataFrame:
     rows = [
         {
             "trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j),
-            "kind": (family.solver, family.element, stepping),
+            "kind": (family.solver, family.element, family.stepping),
         }
         for family, tightest in every
-        for stepping in [family.integrator + (", error-controlled" if family.error_controlled else "")]
         for k, mesh in enumerate(_meshes_of(levels, family, options.quick))
         for j, dt in enumerate(steps_of(levels, replace(family, mesh=mesh)))
     ]  # fmt: skip
