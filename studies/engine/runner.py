@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ class Runner:
         found: dict[str | int, Solution] = {}
         for key, solution in zip(missing, self._computed([first[key] for key in missing]), strict=True):
             found[key] = solution
-            self._stored(key, partial(replace, solution))
+            self._stored(key, lambda found=solution: found)
         for key in first.keys() - found.keys():  # joblib computes that of a damaged file anew
             found[key] = self._stored(key, partial(solved, first[key], self.resolve))
         return [replace(found[key], scene=trial.scene) for key, trial in zip(keys, trials, strict=True)]
@@ -72,8 +73,7 @@ class Runner:
         """Identity of a run: its scene, setting, solver, versions and sources; empty where there is none."""
         try:
             solver = identity(self.resolve(trial.solver)), self._origins.get(trial.solver, "")
-            setting = [(f.name, getattr(trial, f.name)) for f in fields(trial)]
-            return identity((setting, solver, provenance.software(), provenance.sources(*COMPUTING)))
+            return identity((trial, solver, provenance.software(), provenance.sources(*COMPUTING)))
         except Exception:  # parts of a user's scene that cannot be identified: the run is not stored
             return ""
 
@@ -87,12 +87,10 @@ class Runner:
         return self._stored(identity((keys, about)) if all(keys) else 0, lambda: self._timed(trials))  # type: ignore[no-any-return]
 
     def _timed(self, trials: Sequence[Trial]) -> list[list[Cost]]:
-        rounds, done = ROUNDS[self.quick], 0
+        rounds, places = ROUNDS[self.quick], count(1)
 
         def sample(trial: Trial) -> Cost:
-            nonlocal done
-            done += 1
-            self.show(f"{self.heading}times in turn: {trial.label}", done, rounds * len(trials))
+            self.show(f"{self.heading}times in turn: {trial.label}", next(places), rounds * len(trials))
             solver = self.resolve(trial.solver)
             return settled(lambda: trial.solve(solver).cost)
 

@@ -95,8 +95,11 @@ def write_table(table: Table, folder: Path, readable: bool = True) -> None:
 
 def write_machine(folder: Path) -> None:
     """Commit, machine and versions beside the CSV files, which have no room for them."""
-    names = "commit", "machine", "versions"
-    facts = {name: getattr(provenance, name)() for name in names}
+    facts = {
+        "commit": provenance.commit(),
+        "machine": provenance.machine(),
+        "versions": provenance.versions(),
+    }
     atomic_write(folder / "machine.json", json.dumps(facts, indent=2) + "\n")
 
 

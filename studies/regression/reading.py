@@ -77,7 +77,7 @@ def _run(task: Task) -> tuple[Status, History | None]:
         comparison = at.compare(found, solutions[1], task.probes)
         errors = np.array([comparison.error, comparison.largest, *comparison.by_probe.values()])
         return status, _numbered("probe", iter([(label("relative error"), errors)]))
-    columns = _forces(_saved(found)) if what == "forces" else _motion(task, found)
+    columns = _forces(found) if what == "forces" else _motion(task, found)
     return status, _history(motions_of(run)[0], found, columns)
 
 
@@ -146,15 +146,10 @@ def _given(quantity: str, series: Array) -> Columns:
         yield label(quantity), series
 
 
-def _saved(found: Solution) -> Solution:
-    """The solution after it has been written and read."""
-    with TemporaryDirectory() as folder:
-        path = found.save(Path(folder) / "run.npz")
-        return at.load(path, found.scene)
-
-
 def _forces(found: Solution) -> Columns:
-    """Reactions of all joints, section forces of the flexible beams, tensions of all connectors."""
+    """Reactions of joints, section forces of flexible beams, tensions of connectors: of a run saved and loaded."""
+    with TemporaryDirectory() as folder:
+        found = at.load(found.save(Path(folder) / "run.npz"), found.scene)
     assert found.run
     kinds = {name: kind for name, (_, kind) in found.run.of(found.scene).items()}
     for k, joint in enumerate(found.scene.joints):

@@ -81,7 +81,10 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
         models = ("cable" if options.element == "quintic" else options.element,)
     runner.heading = f"{case.name}, reference: "
     found = {e: Refinement(case, runner, element=e).refined(SHARE * smallest) for e in models}
-    _check_moves(case, found)
+    complete = [run.solution for run in found.values() if run.solution.status.ok]
+    if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
+        probes = ", ".join(map(place_name, case.probes))
+        raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
     meshes = {
         e: options.meshes or _few(run.levels.mesh_at, run.i if run.known else 0, quick)
         for e, run in found.items()
@@ -92,13 +95,6 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
     steps = options.steps or _few(lambda j: first.levels.dt_at(first.i, j), first.j, quick)[-MOST_STEPS:]
     asked = {e: those for e, those in meshes.items() if options.element in (None, e)}
     return Levels(case, asked, steps, found, targets)
-
-
-def _check_moves(case: Case, found: Mapping[str, Refined]) -> None:
-    complete = [run.solution for run in found.values() if run.solution.status.ok]
-    if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
-        probes = ", ".join(map(place_name, case.probes))
-        raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
 
 
 def _few(at: Callable[[int], Any], last: int, quick: bool) -> tuple[Any, ...]:
