@@ -310,10 +310,10 @@ def _difference(s: Subject, other: Subject, feature: str) -> float | None:
     integrator = next((i for i in s.offer.integrators if not s.offer.lacking({*needed, i})), None)
     if integrator is None:
         return None
-    theirs = (s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes)
-    ours = (other.motion(scene, element="cable", t_end=ACTED) for scene in scenes)
-    effects = [[one.displacement(p) - plain.displacement(p) for p in PROBES] for one, plain in (theirs, ours)]
-    return float(np.abs(np.subtract(*effects)).max() / np.abs(effects[1]).max())
+    theirs = [s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes]
+    ours = [other.motion(scene, element="cable", t_end=ACTED) for scene in scenes]
+    a, b = (np.array([x.displacement(p) - y.displacement(p) for p in PROBES]) for x, y in (theirs, ours))
+    return float(np.abs(a - b).max() / np.abs(b).max())
 
 
 # --- statics -----------------------------------------------------------------------------------------------

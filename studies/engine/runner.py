@@ -64,7 +64,7 @@ class Runner:
         found: dict[str | int, Solution] = {}
         for key, solution in zip(missing, self._computed([first[key] for key in missing]), strict=True):
             found[key] = solution
-            self._stored(key, lambda found=solution: found)
+            self._stored(key, partial(replace, solution))
         for key in first.keys() - found.keys():  # joblib computes that of a damaged file anew
             found[key] = self._stored(key, partial(solved, first[key], self.resolve))
         return [replace(found[key], scene=trial.scene) for key, trial in zip(keys, trials, strict=True)]

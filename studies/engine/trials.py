@@ -134,8 +134,7 @@ class Trial:
         """Compile and load what the run needs, by two steps (or the statics)."""
         kind = self.solver, self.scene.name, self.element, self.quadrature, self.integrator, *self.options
         if kind not in _warm:
-            short = {} if self.integrator == STATIC else {"t_end": 2 * self._step, "output_dt": self._step}
-            replace(self, **short).solve(solver)
+            replace(self, t_end=2.0 * self._step, output_dt=self._step).solve(solver)
             _warm.add(kind)
 
 

@@ -55,13 +55,14 @@ class Chain:
 
     def forces(self, t: float, q: Complex) -> Complex:
         """External forces at t, (nodes, k)."""
-        loads: Any = [replace(x, value=x.value(t)) if callable(x.value) else x for x in self.scene.loads]
+        every: Any = self.scene.loads
+        loads = [replace(x, value=x.value(t)) if callable(x.value) else x for x in every]
         f = vectors_of(dead_forces(self.mesh, loads))
         for torque in (load for load in loads if isinstance(load, Torque)):
             body, side = self.scene.body_end(torque.end)
             beam = self.mesh.beams[self.scene.beams.index(body)]
             node, turned = self.mesh.first[body.name] + side * beam.elements, beam.kind.turned_vector
-            f[node, turned] += 1j * torque.value / q[node, turned].conj()
+            f[node, turned] += 1j * torque.value / q[node, turned].conj()  # type: ignore[operator]
         return f
 
     def drive(self, t: float, q: Complex, v: Complex) -> Complex:

@@ -35,15 +35,10 @@ SECTIONS = (0.3, 0.8)
 
 
 def answered(task: Task) -> tuple[Status, History | None]:
-    """Run a task.
+    """How the run of a task ended, and its history; None where it did not end as it must.
 
-    Returns
-    -------
-    Status
-        How it ended: "absent" where there is no such solver, "refused" where one of `anctmm.errors` was raised,
-        "failed" where anything else was.
-    History or None
-        None where it did not end as it must.
+    Beside the statuses of solutions: "absent" where there is no such solver, "refused" where it raised one of
+    `anctmm.errors`, "failed" where it raised anything else.
     """
     try:
         for run in motions_of(task.run):
@@ -64,7 +59,7 @@ def answered(task: Task) -> tuple[Status, History | None]:
 
 
 def _run(task: Task) -> tuple[Status, History | None]:
-    """How the run of a task ended, and its history; None where it did not end as it must."""
+    """The same of a run that raises whatever it raises."""
     run, what = task.run, getattr(task.run, "what", "")
     if isinstance(run, Read) and what == "modes":
         return Status(), _numbered("mode", _modes(task, run))

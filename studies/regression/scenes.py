@@ -114,12 +114,7 @@ class Watch:
         Code of the status with which the runs must end: "ok", or what must be found ("diverged", …); "refused" where
         the solver must raise one of `anctmm.errors`.
 
-    Raises
-    ------
-    CheckError
-        If something is missing, or of another kind.
-    UnknownNameError
-        If a probe is not of the scene.
+    CheckError if something is missing or of another kind, UnknownNameError if a probe is not of the scene.
     """
 
     scene: Scene

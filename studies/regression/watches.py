@@ -105,8 +105,6 @@ def _fall() -> list[tuple[tuple[str, ...], Runs]]:
     ]
 
 
-# --- small scenes ----------------------------------------------------------------------------------------------
-
 BOTH = "cable-zhai shear-zhai cable-implicit shear-implicit"
 ONE = "cable-zhai cable-implicit shear-implicit"
 MOVING = "zhai implicit"
@@ -223,5 +221,5 @@ def _run(case: Case, given: Mesh | None, dt: float | None) -> Motion:
         return Static(mesh)
     outputs = round(case.duration / case.interval)
     few = next(k for k in range(1, outputs + 1) if outputs % k == 0 and outputs // k <= SAMPLES)
-    times = {"dt": dt or longest_step(case) / EVERY, "t_end": case.duration, "output_dt": few * case.interval}
-    return Discretisation(mesh, newton_tolerance=TIGHT, **times)
+    step, each = dt or longest_step(case) / EVERY, few * case.interval
+    return Discretisation(mesh, newton_tolerance=TIGHT, dt=step, t_end=case.duration, output_dt=each)
