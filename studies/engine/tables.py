@@ -86,10 +86,10 @@ def markdown(table: Table) -> str:
     return head + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def write_table(table: Table, folder: Path, readable: bool = True) -> None:
+def write_table(table: Table, folder: Path, for_people: bool = True) -> None:
     """`<name>.csv`, and `<name>.md` if it is for people and has no more rows than they may want to read."""
     atomic_write(folder / f"{table.name}.csv", table.frame.to_csv(index=False, float_format="%.9g"))
-    if readable and table.place == "page" and len(table.frame) <= MOST_ROWS:
+    if for_people and table.place == "page" and len(table.frame) <= MOST_ROWS:
         atomic_write(folder / f"{table.name}.md", markdown(table))
 
 

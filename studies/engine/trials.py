@@ -80,9 +80,10 @@ class Trial:
         return "tolerance" in self.options
 
     @property
-    def stepping(self) -> str:
-        """Its integrator, and whether a tolerance controls the step."""
-        return self.integrator + (", error-controlled" if self.error_controlled else "")
+    def kind(self) -> tuple[str, Any, str]:
+        """Solver, element and way to step."""
+        controlled = ", error-controlled" if self.error_controlled else ""
+        return self.solver, self.element, f"{self.integrator}{controlled}"
 
     @property
     def work(self) -> float:

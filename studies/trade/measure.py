@@ -106,8 +106,8 @@ def _few(at: Callable[[int], Any], last: int, quick: bool) -> tuple[Any, ...]:
 def grid(levels: Levels, options: Options) -> pd.DataFrame:
     """Every solver with every freedom that it offers, on the same meshes with the same steps: a row a setting.
 
-    Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); kind (solver, element
-    and way to step); round (place in the order of the runs, from coarse to fine). StudyError without any row.
+    Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); round (place in the
+    order of the runs, from coarse to fine). StudyError without any row.
     """
     late = dict(not_timed(levels.case, options))
     solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
@@ -117,14 +117,11 @@ def grid(levels: Levels, options: Options) -> pd.DataFrame:
         asked = " ".join(filter(None, (options.element, options.integrator))) or "a run"
         raise StudyError(f"{asked} is asked for; no solver of {', '.join(solvers)} offers that")
     rows = [
-        {
-            "trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j),
-            "kind": (family.solver, family.element, family.stepping),
-        }
+        {"trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j)}
         for family, tightest in every
         for k, mesh in enumerate(_meshes_of(levels, family, options.quick))
         for j, dt in enumerate(steps_of(levels, replace(family, mesh=mesh)))
-    ]  # fmt: skip
+    ]
     return pd.DataFrame(rows)
 
 
@@ -252,15 +249,16 @@ def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine
         "reference_error": reference.uncertainty, "step_reference_error": fine[1] if fine else nan,
         "cpu_s": cost.cpu_s, "cpu_spread": nan, "build_s": cost.build_s, "repeats": 1,
         "status": str(solution.status), "reference": reference.name,
-        "trial": trial, "tightest": setting["tightest"], "kind": setting["kind"],
+        "trial": trial, "tightest": setting["tightest"],
     }  # fmt: skip
 
 
 def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """For each solver, element and way to step the kind of outcome: an answer, or why there is none."""
+    kinds, ran = (frame["trial"].map(lambda trial: trial.kind) for frame in (settings, rows))
     lines = []
-    for solver, element, stepping in settings["kind"].drop_duplicates():
-        status = rows.loc[rows["kind"] == (solver, element, stepping), "status"]
+    for solver, element, stepping in kinds.drop_duplicates():
+        status = rows.loc[ran == (solver, element, stepping), "status"]
         good = int(status.str.startswith("ok").sum())
         code, _, why = status.iloc[0].partition(": ") if len(status) else ("", "", "")
         lines.append({
