@@ -62,7 +62,7 @@ def _run(task: Task) -> tuple[Status, History | None]:
     """The same of a run that raises whatever it raises."""
     run, what = task.run, getattr(task.run, "what", "")
     if isinstance(run, Read) and what == "modes":
-        return Status(), _numbered("mode", _modes(task, run))
+        return Status(), History(pd.DataFrame(dict(_modes(task, run))).rename_axis("mode"))
     solutions = [solution_of(task, one) for one in motions_of(run)]
     status = next((s.status for s in solutions if not s.status.ok), Status())
     if status.code != task.ends:
@@ -71,7 +71,7 @@ def _run(task: Task) -> tuple[Status, History | None]:
     if what == "compared with":
         comparison = at.compare(found, solutions[1], task.probes)
         errors = np.array([comparison.error, comparison.largest, *comparison.by_probe.values()])
-        return status, _numbered("probe", iter([(label("relative error"), errors)]))
+        return status, History(pd.DataFrame({label("relative error"): errors}).rename_axis("probe"))
     columns = _forces(found) if what == "forces" else _motion(task, found)
     return status, _history(motions_of(run)[0], found, columns)
 
@@ -91,11 +91,6 @@ def solution_of(task: Task, run: Motion) -> Solution:
         return solve(task.scene, run)
     still = Static(run.mesh, run.element, run.quadrature, run.newton_tolerance)
     return solve(task.scene, run, start=solver_of(task.solver, still)(task.scene, still.discretisation))
-
-
-def _numbered(axis: str, columns: Columns) -> History:
-    """A history whose samples are numbered."""
-    return History(pd.DataFrame(dict(columns)).rename_axis(axis))
 
 
 def _history(run: Motion, found: Solution, columns: Columns) -> History:
