@@ -4,11 +4,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from anctmm.errors import CaseError, listed, shown
+from anctmm.errors import CaseError, listed
 from anctmm.model.case import Case
 from anctmm.model.places import Written
 from studies import scenes
-from studies.user_files import defined_in
+from studies.user_files import listed_in
 
 #: What a user's file must define.
 DECLARED = "CASES"
@@ -24,11 +24,7 @@ def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
 
     CaseError if it is not there, does not run, defines no list of cases, or two of its scenes have one name.
     """
-    found = defined_in(Path(path), DECLARED, CaseError, "file")
-    cases = tuple(found) if isinstance(found, list | tuple) else ()
-    if not cases or not all(isinstance(case, Case) for case in cases):
-        what = f"no {DECLARED}" if found is None else f"{DECLARED} = {shown(found)}"
-        raise CaseError(f"file {path} defines {what}; a list of at least one anctmm.Case is needed")
+    cases = listed_in(Path(path), DECLARED, Case, CaseError, "file")
     names = [case.name for case in cases]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise CaseError(

@@ -25,10 +25,9 @@ from studies.engine.files import check_writable, file_name
 from studies.engine.study import STUDIES, Options, check_fits, check_taken
 from studies.engine.tables import show_frame
 from studies.regression import check as checking
-from studies.regression.of_cases import watches_of
 from studies.regression.report import show, write_check
 from studies.regression.scenes import Watch, declared_in, tasks_of
-from studies.regression.watches import all_watches
+from studies.regression.watches import all_watches, watches_of
 from studies.report import terminal, whole
 from studies.trade import recommend as advice
 from studies.trade.study import run as run_trade
@@ -167,7 +166,7 @@ def recommend(
     advice.show(choice, measured.origin, Console())
     written = str(Path(scene).resolve()) if is_file(scene) else own.name
     print(f"\n{advice.script(choice.line, own, written)}")
-    again = advice.rerun(choice, own, written, measured, error) if rerun else None
+    again = advice.rerun(choice, own, measured, error) if rerun else None
     if again:
         advice.show_rerun(again, Console())
     return Code.DONE if choice.reached and (not again or again.met) else Code.DIFFERS

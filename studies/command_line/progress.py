@@ -22,10 +22,7 @@ SILENT = 15.0
 def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None) -> Iterator[Runner]:
     """A runner that shows its progress; on an interrupt it says what is stored and exits with 130.
 
-    Raises
-    ------
-    SweepError
-        If both are given, or the cluster cannot be used.
+    StudyError if both are given, or the cluster cannot be used.
     """
     store, said = files.store_directory(), monotonic()
     with bar() as progress:

@@ -9,14 +9,13 @@ from rich.console import Console
 from anctmm.errors import PluginError
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from studies.conformance.rules import RULES, SIGNATURE, Rule
+from studies.conformance.rules import RULES, SIGNATURE, BrokenRule, Rule, Subject
 from studies.conformance.scenes import cantilever
-from studies.conformance.subject import BrokenRule, Subject
-from studies.engine.tables import say, show_frame
+from studies.engine.tables import say_counts, show_frame
 from studies.engine.trials import not_installed
 
-HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
-NOT_INSTALLED = "not installed"
+HOLDS, BROKEN, NOT_OFFERED = "holds", "broken", "not offered"
+NOT_RUN, NOT_INSTALLED = "not run", "not installed"
 
 
 @dataclass(frozen=True)
@@ -31,13 +30,7 @@ class Finding:
 
 
 def conform(name: str) -> Iterator[Finding]:
-    """Test a registered solver against every rule, a finding at a time.
-
-    Raises
-    ------
-    UnknownSolverError
-        If no package registers that name.
-    """
+    """Test a registered solver against every rule, a finding at a time; UnknownSolverError if none has that name."""
     asks = "it can be imported"
     try:
         subject = Subject(name, registry.load(name))
@@ -46,8 +39,7 @@ def conform(name: str) -> Iterator[Finding]:
         yield Finding("loads", asks, str(error), "", BROKEN)
         return
     yield Finding("loads", asks, f"lacks {lacks}", "", HOLDS)
-    absent = _missing(subject)
-    if absent:
+    if absent := _missing(subject):
         yield Finding("installed", "the packages it needs are installed", absent, "", NOT_INSTALLED)
     called = not absent
     for rule in RULES:
@@ -91,8 +83,5 @@ def exit_code(findings: Sequence[Finding]) -> int:
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:
     """Print the table and the count of each verdict."""
-    frame = pd.DataFrame(findings)
-    show_frame(console, f"Solver {name}", frame)
-    counts = frame["verdict"].value_counts()
-    known = (v for v in (HOLDS, BROKEN, NOT_OFFERED, NOT_RUN, NOT_INSTALLED) if v in counts)
-    say(console, ", ".join(f"{counts[verdict]} {verdict}" for verdict in known))
+    show_frame(console, f"Solver {name}", pd.DataFrame(findings))
+    say_counts(console, (f.verdict for f in findings))

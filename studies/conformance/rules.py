@@ -1,30 +1,28 @@
 """The rules for every solver, one function each."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from inspect import signature
 from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import anctmm as at
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
 from anctmm.model.needs import features_of as combined
+from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from anctmm.solvers.capabilities import FEATURES, features_of
+from anctmm.solvers.capabilities import FEATURES, Offer, features_of
+from anctmm.solvers.registry import Solver
 from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static
 from studies.conformance import scenes as made
 from studies.conformance.scenes import EI, GRAVITY, LENGTH, MASS, cantilever
-from studies.conformance.subject import BrokenRule, Subject, whole
-
-#: What a rule finds: a number, what is allowed and what the number is; or words where there is no number.
-Found = tuple[float, float, str] | str
-Test = Callable[[Subject], Found]
 
 SIGNATURE = "signature"
 FRACTIONS = (0.0, 0.3, 1.0)
@@ -36,6 +34,62 @@ ACTED = 0.2
 #: P L²/(E I) = 2 down, and an end moment the other way.
 LOADS = at.Force("bar.end", (0.0, -2.0 * EI / LENGTH**2)), at.Torque("bar.end", 0.3 * EI / LENGTH)
 PRESSED = cantilever(0.0, loads=LOADS)
+
+
+class BrokenRule(Exception):
+    """A rule is violated in a way that no number describes."""
+
+
+@dataclass
+class Subject:
+    """A solver under test, its answers unchecked by the registry; equal runs are computed once."""
+
+    name: str
+    solve: Solver
+    _found: dict[Any, Solution] = field(default_factory=dict)
+
+    @cached_property
+    def offer(self) -> Offer:
+        """Its declared capabilities."""
+        return registry.offer_of(self.solve)
+
+    @property
+    def element(self) -> str:
+        """The element that the rules of motion use."""
+        return next(iter(self.offer.limits), "cable")
+
+    def run(self, **changes: Any) -> Discretisation:
+        """Discretisation of a rule's run: implicit where there is a choice."""
+        integrator = changes.get("integrator", self.offer.integrators[0])
+        dt = 1e-3 if integrator == "generalized-alpha" else 2e-4
+        usual = {"mesh": 8, "element": self.element, "integrator": integrator, "dt": dt}
+        return Discretisation(**({**usual, "t_end": 0.4, "output_dt": 0.01} | changes))
+
+    def motion(self, scene: Scene, **changes: Any) -> Solution:
+        """Motion of a scene; BrokenRule if it is not whole."""
+        run = self.run(**changes)
+        if (scene, run) not in self._found:
+            self._found[scene, run] = whole(self.solve(scene, run))
+        return self._found[scene, run]
+
+    def static(self, scene: Scene, **options: Any) -> Solution:
+        """What its `solve_static` answers, asked for as in the studies."""
+        usual = {"mesh": 8, "element": self.element, "quadrature": "full"}
+        return registry.load_static(self.name, self.solve)(scene, **(usual | options))
+
+
+def whole(answer: Solution) -> Solution:
+    """The answer, if it is a whole run; else BrokenRule."""
+    if not isinstance(answer, Solution):
+        raise BrokenRule(f"the answer is a {type(answer).__name__}, no anctmm.Solution")
+    if not answer.status.ok:
+        raise BrokenRule(f"status {answer.status}")
+    return answer
+
+
+#: What a rule finds: a number, what is allowed and what the number is; or words where there is no number.
+Found = tuple[float, float, str] | str
+Test = Callable[[Subject], Found]
 
 
 @dataclass(frozen=True)
@@ -244,9 +298,7 @@ def features_act(s: Subject) -> Found:
     found = {feature: _difference(s, other, feature) for feature in sorted(made.ACTING)}
     known = {feature: off for feature, off in found.items() if off is not None}
     if wrong := ", ".join(f"{feature} ({off:.2g})" for feature, off in known.items() if not off <= ALLOWED):
-        raise BrokenRule(
-            f"effects differ by more than {ALLOWED:g} of them from those in another solver: {wrong}"
-        )
+        raise BrokenRule(f"effects differ by more than {ALLOWED:g} of them from another solver's: {wrong}")
     return worst(known, ALLOWED, "the effect") if known else "lacks all of them"
 
 
@@ -258,14 +310,10 @@ def _difference(s: Subject, other: Subject, feature: str) -> float | None:
     integrator = next((i for i in s.offer.integrators if not s.offer.lacking({*needed, i})), None)
     if integrator is None:
         return None
-    theirs = _effect(*(s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes))
-    ours = _effect(*(other.motion(scene, element="cable", t_end=ACTED) for scene in scenes))
-    return float(np.abs(theirs - ours).max() / np.abs(ours).max())
-
-
-def _effect(changed: Solution, plain: Solution) -> NDArray[np.float64]:
-    """Difference of two motions at the probes."""
-    return np.array([changed.displacement(p) - plain.displacement(p) for p in PROBES])
+    theirs = [s.motion(scene, integrator=integrator, t_end=ACTED) for scene in scenes]
+    ours = [other.motion(scene, element="cable", t_end=ACTED) for scene in scenes]
+    a, b = (np.array([x.displacement(p) - y.displacement(p) for p in PROBES]) for x, y in (theirs, ours))
+    return float(np.abs(a - b).max() / np.abs(b).max())
 
 
 # --- statics -----------------------------------------------------------------------------------------------

@@ -36,9 +36,6 @@ def cantilever(
     return Scene("cantilever", (bar(start=start, angle=angle),), gravity=down, **parts)
 
 
-# --- changes ---------------------------------------------------------------------------------------------------
-
-
 def more(**parts: Any) -> Change:
     """With more bodies, joints, loads or connectors."""
 

@@ -58,10 +58,14 @@ def coarsest_mesh(case: Case, element: str) -> Mesh:
     kind, beams = KINDS[element], case.scene.beams
     if kind.rigid or not beams:
         return (1,) * max(len(beams), 1)
-    most = COARSEST if kind.order >= 4.0 else COARSEST_OF_LOW_ORDER
-    longest = max(beam.length for beam in beams)
-    parts = [parts_of(case.scene, beam) for beam in beams]
-    wanted = [ceil(most * beam.length / longest * (1.0 - 1e-9)) for beam in beams]
+    return by_length(case.scene, COARSEST if kind.order >= 4.0 else COARSEST_OF_LOW_ORDER)
+
+
+def by_length(scene: Scene, most: int, each: int = 1) -> Mesh:
+    """Elements of each beam by its length, multiples of `each`, `most` of the longest; more for nodes at joints."""
+    longest = max((beam.length for beam in scene.beams), default=1.0)
+    wanted = [each * ceil(most / each * beam.length / longest * (1.0 - 1e-9)) for beam in scene.beams]
+    parts = [parts_of(scene, beam) for beam in scene.beams]
     return tuple(p * ceil(n / p) for n, p in zip(wanted, parts, strict=True))
 
 

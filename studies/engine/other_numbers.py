@@ -20,11 +20,11 @@ NUMBERS: Mapping[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
 def changed(function: Callable[[Any], Any], change: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """A function of a user's, of time (s) or of a fraction of a beam, with its answer changed; its breaks stay."""
     breaks = getattr(function, "breaks", None)
-    return (
-        (lambda t: change(function(t)))
-        if breaks is None
-        else at.History(lambda t: change(function(t)), breaks)
-    )
+
+    def other(x: float) -> Any:
+        return change(function(x))
+
+    return other if breaks is None else at.History(other, breaks)
 
 
 @dataclass(frozen=True)

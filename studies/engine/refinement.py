@@ -4,6 +4,7 @@ Meshes or steps may be given instead, from coarse to fine; the remaining error i
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isfinite, isinf, nan
@@ -15,7 +16,7 @@ from anctmm.elements.kinds import KINDS
 from anctmm.errors import ResultError
 from anctmm.model.case import Case
 from anctmm.model.scene import Probe
-from anctmm.results.metrics import common_times, history_error, rounding_at, worst
+from anctmm.results.metrics import Array, common_times, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
@@ -90,21 +91,20 @@ class Refinement:
 
     def solution(self, i: int, j: int) -> Solution:
         """The run of a level, done once."""
-        self._solve([(i, j)])
-        return self.solutions[i, j]
+        return self._runs([(i, j)])[0]
 
     def runs_along(self, i: int, j: int, axis: int) -> list[Solution]:
         """The run of a level and the next two coarser ones of an axis, MESH or STEP; none where it is not refined."""
-        return [self.solution(*level) for level in self._levels_along(i, j, axis)]
+        return self._runs(self._levels_along(i, j, axis))
 
     def _levels_along(self, i: int, j: int, axis: int) -> list[tuple[int, int]]:
         levels = [(i - k, j) if axis == MESH else (i, j - k) for k in range(3)]
         return [level for level in levels if min(level) >= 0] if self.refines[axis] else []
 
-    def _solve(self, levels: Sequence[tuple[int, int]]) -> None:
+    def _runs(self, levels: Sequence[tuple[int, int]]) -> list[Solution]:
         new = [level for level in dict.fromkeys(levels) if level not in self.solutions]
-        found = self.runner.solve_many(self.trial(*level) for level in new)
-        self.solutions |= dict(zip(new, found, strict=True))
+        self.solutions |= zip(new, self.runner.solve_many(self.trial(*level) for level in new), strict=True)
+        return [self.solutions[level] for level in levels]
 
     def part(self, i: int, j: int, axis: int) -> Part:
         """Part of the error that is due to the mesh or the step."""
@@ -158,7 +158,7 @@ class Refinement:
         if not self.solution(i, j).status.ok:
             mesh = step = Part(inf)
         else:
-            self._solve([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
+            self._runs([*self._levels_along(i, j, MESH), *self._levels_along(i, j, STEP)])
             mesh, step = self.part(i, j, MESH), self.part(i, j, STEP)
         return Refined(self, i, j, self.trial(i, j), self.solutions[i, j], mesh, step, target)
 
@@ -252,11 +252,9 @@ def difference(one: Solution, other: Solution, probes: Sequence[Probe]) -> float
 
     def at(probe: Probe) -> float:
         u, v = one.displacement(probe), other.displacement(probe)
-        try:
-            if rests(other, probe) and np.abs(other.angle(probe)).max(initial=0.0) > TURNED:
-                u, v = one.angle(probe)[:, None], other.angle(probe)[:, None]
-        except ResultError:  # not every solver gives angles
-            pass
+        with suppress(ResultError):  # not every solver gives angles
+            if (turned := turned_in_place(other, probe)) is not None:
+                u, v = one.angle(probe)[:, None], turned[:, None]
         return history_error(u[mine], v[theirs], rounding_at(other, probe))
 
     return worst(map(at, probes))
@@ -266,3 +264,12 @@ def rests(solution: Solution, probe: Probe) -> bool:
     """Whether a probe moves by no more than rounding."""
     moved = np.linalg.norm(solution.displacement(probe), axis=1).max(initial=0.0)
     return bool(moved <= rounding_at(solution, probe))
+
+
+def turned_in_place(solution: Solution, probe: Probe) -> Array | None:
+    """Angle of a probe that rests and turns, such as an axle, rad; None of others, and where a solver gives none."""
+    if rests(solution, probe):
+        with suppress(ResultError):
+            angle = solution.angle(probe)
+            return angle if np.abs(angle).max(initial=0.0) > TURNED else None
+    return None

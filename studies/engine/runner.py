@@ -1,21 +1,22 @@
 """Runs of trials: joblib stores each when it is done, and does them in other processes where workers are given."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, fields, replace
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
 import joblib
 
-from anctmm.errors import AnctmmError
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry
 from anctmm.solvers.registry import Solver
 from studies.engine import provenance
 from studies.engine.identity import identity
+from studies.engine.meshes import StudyError
 from studies.engine.timing import in_turn, settled
 from studies.engine.trials import Trial, solved
 
@@ -23,10 +24,6 @@ from studies.engine.trials import Trial, solved
 COMPUTING = ("anctmm", "reference")
 #: Samples of a time, by whether the study is quick.
 ROUNDS = {False: 5, True: 1}
-
-
-class SweepError(AnctmmError, ValueError):
-    """Workers or a cluster cannot be used."""
 
 
 def remembered(key: str, compute: Callable[[], bytes]) -> bytes:
@@ -50,7 +47,7 @@ class Runner:
     def __post_init__(self) -> None:
         if self.workers > 1 and self.cluster:
             both = f"--workers is {self.workers} beside --cluster {self.cluster!r}"
-            raise SweepError(f"{both}; one of them is allowed")
+            raise StudyError(f"{both}; one of them is allowed")
         self._origins = dict(registry.origins())
         self._remembered = joblib.Memory(self.store, verbose=0).cache(remembered, ignore=["compute"])
 
@@ -76,8 +73,7 @@ class Runner:
         """Identity of a run: its scene, setting, solver, versions and sources; empty where there is none."""
         try:
             solver = identity(self.resolve(trial.solver)), self._origins.get(trial.solver, "")
-            setting = [(f.name, getattr(trial, f.name)) for f in fields(trial)]
-            return identity((setting, solver, provenance.software(), provenance.sources(*COMPUTING)))
+            return identity((trial, solver, provenance.software(), provenance.sources(*COMPUTING)))
         except Exception:  # parts of a user's scene that cannot be identified: the run is not stored
             return ""
 
@@ -91,12 +87,10 @@ class Runner:
         return self._stored(identity((keys, about)) if all(keys) else 0, lambda: self._timed(trials))  # type: ignore[no-any-return]
 
     def _timed(self, trials: Sequence[Trial]) -> list[list[Cost]]:
-        rounds, done = ROUNDS[self.quick], 0
+        rounds, places = ROUNDS[self.quick], count(1)
 
         def sample(trial: Trial) -> Cost:
-            nonlocal done
-            done += 1
-            self.show(f"{self.heading}times in turn: {trial.label}", done, rounds * len(trials))
+            self.show(f"{self.heading}times in turn: {trial.label}", next(places), rounds * len(trials))
             solver = self.resolve(trial.solver)
             return settled(lambda: trial.solve(solver).cost)
 
@@ -114,7 +108,8 @@ class Runner:
         """Solutions as they are computed, in their order, here or by workers."""
         if not trials:
             return
-        with self._backend():
+        one = nullcontext() if self.workers == 1 else joblib.parallel_config("loky", inner_max_num_threads=1)
+        with _dask(self.cluster) if self.cluster else one:
             self.show(f"{self.heading}{trials[0].label}", 0, len(trials))
             parallel = joblib.Parallel(n_jobs=-1 if self.cluster else self.workers, return_as="generator")
             jobs = (joblib.delayed(solved)(trial, self.resolve) for trial in trials)
@@ -122,13 +117,6 @@ class Runner:
                 self.computed += 1
                 yield solution
                 self.show(f"{self.heading}{trials[min(k, len(trials) - 1)].label}", k, len(trials))
-
-    def _backend(self) -> AbstractContextManager[Any]:
-        """Where joblib runs: this process, others of this machine, or a cluster."""
-        if self.cluster:
-            return _dask(self.cluster)
-        alone = self.workers == 1
-        return nullcontext() if alone else joblib.parallel_config(backend="loky", inner_max_num_threads=1)
 
 
 @contextmanager
@@ -139,9 +127,9 @@ def _dask(address: str) -> Iterator[None]:
 
         client = Client(address, timeout="10s")
     except ModuleNotFoundError:
-        raise SweepError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
+        raise StudyError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        raise SweepError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
+        raise StudyError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
     with client, joblib.parallel_config(backend="dask"):
         yield

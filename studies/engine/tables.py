@@ -86,23 +86,32 @@ def markdown(table: Table) -> str:
     return head + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def write_table(table: Table, folder: Path, readable: bool = True) -> None:
+def write_table(table: Table, folder: Path, for_people: bool = True) -> None:
     """`<name>.csv`, and `<name>.md` if it is for people and has no more rows than they may want to read."""
     atomic_write(folder / f"{table.name}.csv", table.frame.to_csv(index=False, float_format="%.9g"))
-    if readable and table.place == "page" and len(table.frame) <= MOST_ROWS:
+    if for_people and table.place == "page" and len(table.frame) <= MOST_ROWS:
         atomic_write(folder / f"{table.name}.md", markdown(table))
 
 
 def write_machine(folder: Path) -> None:
     """Commit, machine and versions beside the CSV files, which have no room for them."""
-    names = "commit", "machine", "versions"
-    facts = {name: getattr(provenance, name)() for name in names}
+    facts = {
+        "commit": provenance.commit(),
+        "machine": provenance.machine(),
+        "versions": provenance.versions(),
+    }
     atomic_write(folder / "machine.json", json.dumps(facts, indent=2) + "\n")
 
 
 def say(console: Console, text: str, style: str = "") -> None:
     """Print a sentence as it is: brackets mean nothing; in a pipe or a file it is one line."""
     console.print(Text(text, style), highlight=False, soft_wrap=not console.is_terminal)
+
+
+def say_counts(console: Console, verdicts: Iterable[str]) -> None:
+    """Print how often each verdict occurs, in the order in which they appear."""
+    counts = pd.Series(list(verdicts)).value_counts(sort=False)
+    say(console, ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
 
 
 def show_frame(console: Console, title: str, frame: pd.DataFrame) -> None:

@@ -1,12 +1,12 @@
 """One run of one solver; every failure becomes a solution with a status."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from math import inf, nan
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, SolverError, UnsupportedError, shown
+from anctmm.errors import AnctmmError, UnsupportedError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.ended_early import nothing
@@ -16,6 +16,7 @@ from anctmm.solvers import registry
 from anctmm.solvers.capabilities import Offer
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver, static_of
+from anctmm.validation import FrozenMapping
 from studies.engine.meshes import Mesh, by_beam, mesh_label, stable_step
 from studies.engine.timing import settled, undisturbed
 
@@ -28,7 +29,6 @@ STATIC_STEPS = 100.0
 MARGIN = 0.8
 #: Elements of a scene without beams in tables.
 NO_BEAMS = "-"
-Given = tuple[tuple[str, Any], ...]
 #: Options that a discretisation takes; others are keyword arguments of one solver.
 SHARED = {field.name for field in fields(Discretisation) if field.init}
 #: Kinds of runs that this process has done, whose code is compiled and loaded.
@@ -48,7 +48,8 @@ class Trial:
     dt: float = nan  # s
     t_end: float = 0.0  # s
     output_dt: float = 0.0  # s
-    options: Given = ()  # of discretisation (a `tolerance` in the place of `dt`), statics, and of this solver alone
+    #: Of the discretisation (a `tolerance` in the place of `dt`), of statics, and of this solver alone.
+    options: Mapping[str, Any] = FrozenMapping()
 
     @classmethod
     def of(cls, case: Case, solver: str = OURS, mesh: Mesh = (1,), **setting: Any) -> "Trial":
@@ -76,7 +77,13 @@ class Trial:
     @property
     def error_controlled(self) -> bool:
         """Whether a tolerance controls the step."""
-        return "tolerance" in dict(self.options)
+        return "tolerance" in self.options
+
+    @property
+    def kind(self) -> tuple[str, Any, str]:
+        """Solver, element and way to step."""
+        controlled = ", error-controlled" if self.error_controlled else ""
+        return self.solver, self.element, f"{self.integrator}{controlled}"
 
     @property
     def work(self) -> float:
@@ -99,14 +106,20 @@ class Trial:
         return self.output_dt if self.error_controlled else self.dt
 
     @property
+    def _model(self) -> dict[str, Any]:
+        return {"mesh": self.by_beam, "element": self.element, "quadrature": self.quadrature}
+
+    @property
     def arguments(self) -> dict[str, Any]:
         """Arguments of the discretisation of a motion."""
         step = {} if self.error_controlled else {"dt": self.dt}
-        return {
-            "mesh": self.by_beam, "element": self.element, "quadrature": self.quadrature,
-            "integrator": self.integrator, **step, "t_end": self.t_end, "output_dt": self.output_dt,
-            **{name: value for name, value in self.options if name in SHARED},
-        }  # fmt: skip
+        times = {"integrator": self.integrator, **step, "t_end": self.t_end, "output_dt": self.output_dt}
+        return self._model | times | {k: value for k, value in self.options.items() if k in SHARED}
+
+    @property
+    def own(self) -> dict[str, Any]:
+        """Options that its solver alone has."""
+        return {k: value for k, value in self.options.items() if k not in SHARED}
 
     def run(self) -> Discretisation:
         """The discretisation of a motion; raises what Discretisation raises."""
@@ -115,23 +128,14 @@ class Trial:
     def solve(self, solver: Solver) -> Solution:
         """Run it with a solver."""
         if self.integrator != STATIC:
-            own = {name: value for name, value in self.options if name not in SHARED}
-            solution = solver(self.scene, self.run(), **own)
-        else:
-            solution = static_of(self.solver, solver)(
-                self.scene, mesh=self.by_beam, element=self.element, quadrature=self.quadrature, **dict(self.options)
-            )  # fmt: skip
-        if not isinstance(solution, Solution):
-            raise SolverError(f"solver {self.solver!r} answered {shown(solution)}; a Solution is needed")
-        return solution
+            return solver(self.scene, self.run(), **self.own)
+        return static_of(self.solver, solver)(self.scene, **self._model, **self.options)
 
     def warm_up(self, solver: Solver) -> None:
         """Compile and load what the run needs, by two steps (or the statics)."""
-        step, names = self._step, tuple(name for name, _ in self.options)
-        short = self if self.integrator == STATIC else replace(self, t_end=2 * step, output_dt=step)
-        kind = self.solver, self.scene.name, str(self.element), self.quadrature, self.integrator, names
+        kind = self.solver, self.scene.name, self.element, self.quadrature, self.integrator, *self.options
         if kind not in _warm:
-            short.solve(solver)
+            replace(self, t_end=2.0 * self._step, output_dt=self._step).solve(solver)
             _warm.add(kind)
 
 

@@ -46,9 +46,8 @@ class Value:
         """The value to the first digit of its uncertainty, with that and the unit."""
         if not isfinite(self.uncertainty):
             return f"{self.value:.6g} {self.unit}"
-        plain = 10.0 <= self.uncertainty < 1e6  # no power of ten where the number is as short
-        about = f"{float(f'{self.uncertainty:.1g}'):.0f}" if plain else f"{self.uncertainty:.1g}"
-        return f"{rounded(self.value, self.uncertainty)} ± {about} {self.unit}"
+        about = float(f"{self.uncertainty:.1g}")
+        return f"{rounded(self.value, about)} ± {rounded(about, about)} {self.unit}"
 
 
 Reading = Callable[[Solution, Case], Iterable[Value]]

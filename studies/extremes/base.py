@@ -11,7 +11,7 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.results.metrics import EPS, Array
 from anctmm.results.solution import Solution
-from studies.engine.refinement import Refined, Refinement
+from studies.engine.refinement import MOST_WORK, Refined, Refinement
 from studies.engine.runner import Runner
 from studies.engine.study import Picture
 from studies.engine.tables import Table
@@ -22,8 +22,8 @@ Row = dict[str, Any]
 TARGETS = {False: 1e-3, True: 1e-2}
 #: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
 TIGHT = 1e-12
-#: Elements times steps of a run at most, and the beginning of the status of a run that would take more.
-MOST_WORK, NOT_RUN = 4e6, "not run"
+#: Beginning of the status of a run that would take too long.
+NOT_RUN = "not run"
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,8 @@ class Base:
 
     case: Case
     found: Refined  # of cables and implicit steps
+    trial: Trial  # the refined run, with a tight tolerance of Newton's iteration: variants differ from it
+    plain: Solution  # of that, or of the refined run where it is not complete
     runner: Runner
     quick: bool
     peer: str  # another solver with the same elements; empty without one
@@ -50,13 +52,10 @@ class Base:
         """Refine a case."""
         runner.heading = f"{case.name}, mesh and step: "
         found = Refinement(case, runner).refined(TARGETS[quick])
+        trial = replace(found.trial, options={"newton_tolerance": TIGHT})
+        plain = runner.solve(trial) if found.solution.status.ok else found.solution
         peer = next(found.others(), None)
-        return cls(case, found, runner, quick, peer.solver if peer else "")
-
-    @property
-    def trial(self) -> Trial:
-        """The refined run, with a tight tolerance of Newton's iteration."""
-        return replace(self.found.trial, options=(("newton_tolerance", TIGHT),))
+        return cls(case, found, trial, plain, runner, quick, peer.solver if peer else "")
 
     @property
     def rounding(self) -> float:
@@ -86,14 +85,12 @@ class Base:
         """A row for each factor: what is measured of its variant, or why there is nothing."""
         rows = []
         for factor in factors:
-            status, found = "", {}
+            found: Row = {}
             try:
                 trial = variant(factor)
+                status = f"{NOT_RUN}: {trial.work:.1e} elements times steps" if trial.work > MOST_WORK else ""
             except AnctmmError as error:  # a part of a user's own kind
                 status = f"does not apply: {error}"
-            else:
-                if trial.work > MOST_WORK:
-                    status = f"{NOT_RUN}: {trial.work:.1e} elements times steps"
             if not status:
                 run = self.run(trial, f"{column} {factor:g}")
                 status, found = str(run.status), measured(trial, run) if run.status.ok else {}

@@ -19,7 +19,7 @@ from studies.engine.files import file_name
 from studies.engine.other_numbers import Change, changed
 from studies.engine.runner import Runner
 from studies.engine.study import Answer, Options, Picture, Result
-from studies.engine.trials import EXPLICIT, MARGIN, explicit_limit
+from studies.engine.trials import EXPLICIT, MARGIN, Trial, explicit_limit
 from studies.extremes.base import NOT_RUN, Base, Part, Row, apart, energy_error, good, largest
 from studies.report.plots import DASHES, legend_below, picture
 
@@ -96,14 +96,14 @@ def run(options: Options, runner: Runner) -> Result:
         findings=tuple(p.finding for p in found), assumptions=assumptions_of(case),
         tables=tuple(p.table for p in found), pictures=tuple(picture for p in found for picture in p.pictures),
         answers=tuple(Answer(f"{case.name}: {ASKED.get(p.table.name, 'limits?')}", "", p.finding) for p in cards),
-        shown=tuple(p.table.name for p in found), good=base.found.solution.status.ok,
+        shown=tuple(p.table.name for p in found), good=base.plain.status.ok,
     )  # fmt: skip
 
 
 def _parts(base: Base) -> Iterator[Part]:
-    status = base.found.solution.status
-    if not status.ok:
-        yield base.part("refined", "No refined run", "Of cables and implicit steps.", [base.row(status)], "")
+    if not base.plain.status.ok:
+        rows = [base.row(base.plain.status)]
+        yield base.part("refined", "No refined run", "Of cables and implicit steps.", rows, "")
         return
     larger = 1.0
     if not base.case.static:
@@ -116,8 +116,7 @@ def _parts(base: Base) -> Iterator[Part]:
 
 def growth(base: Base) -> tuple[Part, float]:
     """Rows of one case, and the factor by which its motion makes a disturbance larger."""
-    case, trial = base.case, base.trial
-    ours = base.run(trial, "refined run")
+    case, trial, ours = base.case, base.trial, base.plain
     pushed = replace(trial, scene=_disturbed(case, largest(ours, case)))
     pairs = {f"push, {trial.solver}": (ours, base.run(pushed, "disturbed"))}
     if base.peer:
@@ -190,7 +189,7 @@ def _picture(name: str, ours: Solution, whole: dict[str, Array]) -> Picture:
 
 def steps(base: Base) -> Part:
     """The largest stable explicit step, and how near to it a fixed step can go over the motion."""
-    plain = replace(base.trial, integrator=EXPLICIT, options=(("check_stability", False),))
+    plain = replace(base.trial, integrator=EXPLICIT, options={"check_stability": False})
     limit, interval = explicit_limit(plain) / MARGIN, base.case.interval
     if isinf(limit):
         return base.part(*STABLE, [base.row("does not apply: nothing vibrates, or no explicit run")], "")
@@ -212,53 +211,48 @@ def steps(base: Base) -> Part:
 
 def elements(base: Base) -> Part:
     """The first steps on meshes four times finer each, and the difference to another solver."""
-    rows = list(_finer(base)) if base.case.scene.beams else [base.row("does not apply: no beam")]
-    known = [row["to_peer"] for row in good(rows) if row["to_peer"] == row["to_peer"]]
-    text = f"runs hold up to {max((row['dofs'] for row in good(rows)), default=0)} coordinates"
-    text += f"; {base.peer} differs by {max(known):.0e} at most" if known else ""
-    text += "" if rows[-1]["status"] == "ok" else f"; beyond: {rows[-1]['status']}"
-    return base.part(*MANY, rows, text)
-
-
-def _finer(base: Base) -> Iterator[Row]:
-    case, before = base.case, None
-    trial = replace(base.trial, options=(("newton_tolerance", NEWTON),))
+    case, runs, plain = base.case, list[Solution](), replace(base.trial, options={"newton_tolerance": NEWTON})
+    if not case.scene.beams:
+        return base.part(*MANY, [base.row("does not apply: no beam")], "")
     if not case.static:
-        trial = replace(trial, t_end=STEPS * trial.dt, output_dt=trial.dt)
-    while trial.elements <= MOST[base.quick]:
-        run, to_peer = base.run(trial, f"{trial.elements} elements"), nan
-        about: Row = {"elements": trial.elements, "dofs": run.dofs}
-        if not run.status.ok:
-            yield base.row(run.status, **about)
-            return
+        plain = replace(plain, t_end=STEPS * plain.dt, output_dt=plain.dt)
+
+    def measured(trial: Trial, run: Solution) -> Row:
+        coarser, to_peer = runs[-1:], nan
+        runs.append(run)
         if base.peer and trial.elements <= MOST_OF_PEER:
             peer = base.run(replace(trial, solver=base.peer), f"{base.peer}, {trial.elements} elements")
             to_peer = float(apart(run, peer, case).max()) if peer.status.ok else nan
-        yield base.row(
-            **about,
-            to_coarser=nan if before is None else float(apart(before, run, case).max()),
-            us_per_element_step=1e6 * run.cost.cpu_s / trial.elements / max(run.cost.steps, 1),
-            to_peer=to_peer,
-            uncertainty=(EPS * STEPS**1.5 + NEWTON * STEPS) * case.scene.length / largest(run, case),
-        )
-        before, trial = run, replace(trial, mesh=tuple(4 * n for n in trial.mesh))
+        return {
+            "dofs": run.dofs, "to_coarser": max((apart(before, run, case).max() for before in coarser), default=nan),
+            "us_per_element_step": 1e6 * run.cost.cpu_s / trial.elements / max(run.cost.steps, 1), "to_peer": to_peer,
+            "uncertainty": (EPS * STEPS**1.5 + NEWTON * STEPS) * case.scene.length / largest(run, case),
+        }  # fmt: skip
+
+    times = max(int(log(MOST[base.quick] / plain.elements, 4)), 0)  # that it is refined
+    rows = base.swept(
+        [4**k * plain.elements for k in range(times + 1)],
+        lambda count: replace(plain, mesh=tuple(n * int(count) // plain.elements for n in plain.mesh)),
+        measured, "elements",
+    )  # fmt: skip
+    known = [row["to_peer"] for row in good(rows) if row["to_peer"] == row["to_peer"]]
+    text = f"runs hold up to {max((row['dofs'] for row in good(rows)), default=0)} coordinates"
+    text += f"; {base.peer} differs by {max(known):.0e} at most" if known else ""
+    return base.part(*MANY, rows, text + _beyond(rows, "elements", "elements"))
 
 
-def places(base: Base, growth: float) -> Part:
+def places(base: Base, larger: float) -> Part:
     """The case far from the origin: only rounding may change the answer, and grow as a disturbance does."""
-    case, length, plain = base.case, base.case.scene.length, base.run(base.trial, "refined run")
-    rows = [base.row(plain.status)]
-    if plain.status.ok:
-        predicted = base.rounding * max(growth, 1.0) * length / largest(plain, case)
-        rows = base.swept(
-            FAR[base.quick],
-            lambda far: replace(base.trial, scene=Change((far * length, 0.5 * far * length)).scene(case.scene)),
-            lambda trial, run: {"difference": float(apart(plain, run, case).max())},
-            "lengths",
-        )  # fmt: skip
-        for row in good(rows):
-            most = predicted * (float(np.hypot(1.0, 0.5)) * row["lengths"] + 1.0)
-            row |= {"predicted": most, "status": row.pop("status")}
+    case, length = base.case, base.case.scene.length
+    predicted = base.rounding * larger * length / largest(base.plain, case)
+    rows = base.swept(
+        FAR[base.quick],
+        lambda far: replace(base.trial, scene=Change((far * length, 0.5 * far * length)).scene(case.scene)),
+        lambda trial, run: {"difference": float(apart(base.plain, run, case).max())}, "lengths",
+    )  # fmt: skip
+    for row in good(rows):
+        most = predicted * (float(np.hypot(1.0, 0.5)) * row["lengths"] + 1.0)
+        row |= {"predicted": most, "status": row.pop("status")}
     worst = max((row["difference"] for row in good(rows)), default=nan)
     return base.part(*PLACES, rows, f"far from the origin results differ by {worst:.0e} at most")
 
@@ -323,7 +317,7 @@ def time(base: Base) -> Part:
     return base.part(*TIME, rows, text + _beyond(rows))
 
 
-def _beyond(rows: Sequence[Row]) -> str:
-    """End of a sentence: the first factor that has no answer."""
+def _beyond(rows: Sequence[Row], column: str = "factor", unit: str = "times") -> str:
+    """End of a sentence: the first row that has no answer."""
     bad = next((row for row in rows if row["status"] != "ok"), None)
-    return f"; {bad['factor']:g} times: {bad['status']}" if bad else ""
+    return f"; {bad[column]:g} {unit}: {bad['status']}" if bad else ""

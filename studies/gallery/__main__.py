@@ -22,18 +22,10 @@ def scenes() -> dict[str, Mapping[str, Any]]:
 
 
 def solved(names: Mapping[str, Any]) -> Solution:
-    """The solution of a file's case with its settings.
-
-    Raises
-    ------
-    SolverError
-        If it does not end well.
-    """
+    """The solution of a file's case with its settings; SolverError if it does not end well."""
     (case,) = names["CASES"]
-    if case.static:
-        found = at.solve_static(case.scene, **names["RUN"])
-    else:
-        found = at.solve(case.scene, t_end=case.duration, output_dt=case.interval, **names["RUN"])
+    times = {} if case.static else {"t_end": case.duration, "output_dt": case.interval}
+    found = (at.solve_static if case.static else at.solve)(case.scene, **times, **names["RUN"])
     if not found.status.ok:
         raise SolverError(f"{case.name}: {found.status}")
     return found

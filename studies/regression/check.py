@@ -17,7 +17,7 @@ import numpy as np
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.engine.files import check_writable
-from studies.engine.trials import not_installed
+from studies.engine.trials import OURS, not_installed
 from studies.regression.history import FIRST, History, Tolerance, quantity_of, read_history, write_history
 from studies.regression.reading import READABLE, answered
 from studies.regression.scenes import CheckError, Task
@@ -25,7 +25,6 @@ from studies.regression.tolerance import measured
 
 #: Stored histories of the base scenes: package data, so that an installed package has them, too.
 BASELINES = Path(__file__).parent / "baselines"
-OURS = "anctmm"
 #: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable.
 SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
 #: Growth of the number of Newton corrections that is reported. Rotation of a scene changes it by a third (statics) or
@@ -89,20 +88,15 @@ def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -
         and (not only or any(o in task.name or fnmatch(task.name, o) for o in only))
     ]
     if not chosen:
-        names = ", ".join(dict.fromkeys(t.scene.name for t in tasks))
-        raise CheckError(
-            f"--only {','.join(only)!r} with --solver {','.join(solvers) or 'any'!r} leaves nothing; "
-            f"allowed are parts or patterns of scene/run/solver, with scenes {names}"
-        )
+        asked_for = f"--only {','.join(only)!r} with --solver {','.join(solvers) or 'any'!r}"
+        allowed = f"scene/run/solver, with scenes {', '.join(dict.fromkeys(t.scene.name for t in tasks))}"
+        raise CheckError(f"{asked_for} leaves nothing; allowed are parts or patterns of {allowed}")
     return tuple(chosen)
 
 
 def passed(findings: Sequence[Finding]) -> bool:
     """Whether all is well, and anything was compared at all."""
     return all(f.good for f in findings) and any(f.verdict != NOT_RUN for f in findings)
-
-
-# --- checking ------------------------------------------------------------------------------------------------
 
 
 def check(
@@ -192,12 +186,13 @@ def _compared(task: Task, computed: History, stored: History, against: str) -> F
         return replace(found, verdict=SETTINGS, reason=reason)
     if reason := _unlike(computed, stored):
         return replace(found, reason=reason)
+    found = replace(found, **_farthest(computed, stored))
     now, before = computed.corrections, stored.corrections
     if against == task.solver and now > (1.0 + MORE_WORK) * before:
         reason = f"Newton corrections are {now}, stored are {before}: the tangent may be wrong"
-    found = replace(found, **_farthest(computed, stored), reason=reason)
+        return replace(found, reason=reason)
     far = bool(found.where) and not found.difference <= found.tolerance
-    return replace(found, verdict=DIFFERS if far or reason else SAME)
+    return found if far else replace(found, verdict=SAME)
 
 
 def _unlike(computed: History, stored: History) -> str:

@@ -1,7 +1,7 @@
 """Stored histories: small CSV files with a header that describes them, readable in a diff."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from io import StringIO
 from math import ceil, isfinite, log10
@@ -37,8 +37,8 @@ def label(quantity: str, where: str = "") -> str:
 
 def quantity_of(column: Any) -> str:
     """The quantity of a column; ValueError if there is none."""
-    for name in sorted(UNITS, key=len, reverse=True):
-        if column.startswith(f"{name} ") and column.endswith(f" ({UNITS[name]})"):
+    for name, unit in UNITS.items():
+        if column.startswith(f"{name} ") and column.endswith(f" ({unit})"):
             return name
     raise ValueError(f"column {column!r} is unknown")
 
@@ -52,28 +52,17 @@ class Tolerance(NamedTuple):
 
 @dataclass(frozen=True)
 class History:
-    """Few samples of few quantities.
+    """Few samples of few quantities, of one run.
 
-    Parameters
-    ----------
-    frame : DataFrame
-        A column for each component of each quantity at each place, see `label`; the index is the time (s), the load
-        factor or the number of the sample, and its name says which.
-    corrections : int
-        Newton corrections of the whole run: a wrong tangent leaves the history as it is, but takes more of them.
-    ending : str
-        How the run ended, where it did not end well: status, and step, body and element that it names.
-    settings : str
-        The run in words.
-    tolerances : mapping of str to Tolerance
-        Of a stored history, by quantity.
+    The frame has a column for each component of each quantity at each place, see `label`; its index is the time (s),
+    the load factor or the number of the sample, and the name of the index says which.
     """
 
     frame: pd.DataFrame
-    corrections: int = 0
-    ending: str = ""
-    settings: str = ""
-    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    corrections: int = 0  # Newton's: a wrong tangent leaves the samples as they are, but takes more of them
+    ending: str = ""  # status, step, body and element of a run that did not end well
+    settings: str = ""  # the run in words
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)  # of a stored history, by quantity
 
     @property
     def t(self) -> Array:
@@ -90,9 +79,9 @@ class History:
         return list(dict.fromkeys(map(quantity_of, self.frame)))
 
 
-def samples(t: Array, axis: str, columns: Mapping[str, Array]) -> pd.DataFrame:
+def samples(axis: str, t: Any = (), columns: Iterable[tuple[str, Array]] = ()) -> pd.DataFrame:
     """The frame of a history."""
-    return pd.DataFrame(columns, index=pd.Index(t, name=axis, dtype=float), dtype=float)
+    return pd.DataFrame(dict(columns), index=pd.Index(t, name=axis, dtype=float), dtype=float)
 
 
 def write_history(path: Path, task: Task, stored: History) -> None:
@@ -100,25 +89,19 @@ def write_history(path: Path, task: Task, stored: History) -> None:
     scene, texts = task.scene, stored.frame.astype(object)
     for column in texts:
         decimals = max(0, ceil(-log10(stored.tolerances[quantity_of(column)].value))) + SPARE_DIGITS
-        texts[column] = [f"{value:.{decimals}f}" for value in texts[column]]
+        texts[column] = texts[column].map(f"{{:.{decimals}f}}".format)
     texts.index = pd.Index([f"{t:.9g}" for t in stored.t], name=stored.frame.index.name)
-    parts = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))]
+    parts = map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))
+    known = ((q, f"{t.value:.1e} {UNITS[q]}, {t.reason}") for q, t in stored.tolerances.items())
     head = [
         ("scene", scene.name),
         *(("physics", re.sub(r" at 0x\w+", "", " ".join(part.split()))) for part in parts),
-        ("physics", f"gravity {scene.gravity}"),
-        ("run", task.run_name),
-        ("solver", task.solver),
+        ("physics", f"gravity {scene.gravity}"), ("run", task.run_name), ("solver", task.solver),
         ("settings", stored.settings),
         ("made by (shown, not compared)", f"{provenance.machine()['system']}, {provenance.software()}"),
-        *(
-            (f"tolerance of {q}", f"{t.value:.1e} {UNITS[q]}, {t.reason}")
-            for q, t in stored.tolerances.items()
-        ),
-        ("Newton corrections", str(stored.corrections)),
-        ("ending", stored.ending),
-        ("rows", str(len(texts))),
-    ]
+        *((f"tolerance of {quantity}", text) for quantity, text in known),
+        ("Newton corrections", str(stored.corrections)), ("ending", stored.ending), ("rows", str(len(texts))),
+    ]  # fmt: skip
     words = [FIRST, *(f"# {name}: {value}" for name, value in head if value)]
     atomic_write(path, "\n".join([*words, texts.to_csv(lineterminator="\n") + LAST, ""]))
 

@@ -6,6 +6,7 @@ nodes are arrays (nodes, k), numbered as in `Mesh`.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,18 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.elimination.transfer import (
-    CLAMPED,
-    FREE,
-    PINNED,
-    Body,
-    Row,
-    accelerations_plain,
-    accelerations_riccati,
-    row_of,
-)
+from anctmm.elimination import transfer
+from anctmm.elimination.transfer import Body, Row, row_of
 from anctmm.model.joints import Clamp, Pin, Weld
-from anctmm.model.loads import Force, Torque, varies
+from anctmm.model.loads import Torque
 from anctmm.model.scene import Scene
 from anctmm.results.fields import beam_field
 from anctmm.results.solution import Cost, Energy, Solution
@@ -33,6 +26,8 @@ from anctmm.system.mesh import Mesh
 
 Array = NDArray[np.float64]
 Complex = NDArray[Any]
+#: What holds an end of a chain.
+HELD: Mapping[type, str] = {Pin: transfer.PINNED, Clamp: transfer.CLAMPED}
 
 
 class Chain:
@@ -57,21 +52,17 @@ class Chain:
         parts = np.split(np.arange(self.mesh.nodes), [*self.mesh.first.values()][1:])
         self.order = np.concatenate([p[::-1] if s else p for p, s in zip(parts, self.sides, strict=True)])
         self.reference = vectors_of(self.mesh.reference)
-        self.dead = vectors_of(dead_forces(self.mesh, scene.loads))
 
     def forces(self, t: float, q: Complex) -> Complex:
         """External forces at t, (nodes, k)."""
-        f = self.dead.copy()
-        for load in (load for load in self.scene.loads if varies(load)):
-            assert isinstance(load, Force | Torque)
-            body, side = self.scene.body_end(load.end)
+        every: Any = self.scene.loads
+        loads = [replace(x, value=x.value(t)) if callable(x.value) else x for x in every]
+        f = vectors_of(dead_forces(self.mesh, loads))
+        for torque in (load for load in loads if isinstance(load, Torque)):
+            body, side = self.scene.body_end(torque.end)
             beam = self.mesh.beams[self.scene.beams.index(body)]
             node, turned = self.mesh.first[body.name] + side * beam.elements, beam.kind.turned_vector
-            value: Any = load.value(t) if callable(load.value) else load.value
-            if isinstance(load, Force):
-                f[node, 0] += complex(*value)
-            else:
-                f[node, turned] += 1j * value / q[node, turned].conj()
+            f[node, turned] += 1j * torque.value / q[node, turned].conj()  # type: ignore[operator]
         return f
 
     def drive(self, t: float, q: Complex, v: Complex) -> Complex:
@@ -100,7 +91,7 @@ class Chain:
         along = [complex(*beam.along) for beam in self.mesh.beams]
         frames = zip(along, along[1:], self.links, strict=False)
         turns = [two / one if isinstance(link, Weld) else None for one, two, link in frames]
-        start, end = ({Pin: PINNED, Clamp: CLAMPED}.get(type(joint), FREE) for joint in self.supports)
+        start, end = (HELD.get(type(joint), transfer.FREE) for joint in self.supports)
         return row_of(bodies, turns, (start, end), (known[self.order[0]], known[self.order[-1]]))
 
 
@@ -144,6 +135,6 @@ def solve(scene: Scene, run: Discretisation, accelerations: Callable[[Row], Comp
 
 #: By the names of their histories.
 SOLVERS: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
-    "transfer-plain": partial(solve, accelerations=accelerations_plain),
-    "transfer-riccati": partial(solve, accelerations=accelerations_riccati),
+    "transfer-plain": partial(solve, accelerations=transfer.accelerations_plain),
+    "transfer-riccati": partial(solve, accelerations=transfer.accelerations_riccati),
 }

@@ -4,21 +4,22 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 import anctmm as at
-from anctmm.errors import AnctmmError, PluginError, ResultError, UnknownSolverError, shown
+from anctmm.errors import AnctmmError
 from anctmm.model.connectors import RotationalSpring
-from anctmm.model.scene import Probe
-from anctmm.results.metrics import common_times, rounding_at
+from anctmm.results.metrics import common_times
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
+from anctmm.solvers.registry import Solver
+from studies.engine.refinement import turned_in_place
 from studies.regression.history import History, label, samples
 from studies.regression.readable import SOLVERS as READABLE
 from studies.regression.scenes import Motion, Read, Static, Task, motions_of, settings_of
@@ -27,8 +28,6 @@ Array = NDArray[np.float64]
 #: Heads of columns with their values, (n,) each.
 Columns = Iterator[tuple[str, Array]]
 
-#: Angle, rad, below which a place at rest does not turn.
-TURNED = 1e-6
 #: Part of the largest frequency below which growth rates are rounding.
 GROWING = 1e-9
 #: Fractions of a beam at which section forces are read.
@@ -36,24 +35,22 @@ SECTIONS = (0.3, 0.8)
 
 
 def answered(task: Task) -> tuple[Status, History | None]:
-    """Run a task.
+    """How the run of a task ended, and its history; None where it did not end as it must.
 
-    Returns
-    -------
-    Status
-        How it ended: "absent" where its solver is not installed, "refused" where another of `anctmm.errors` was
-        raised, "failed" where anything else was.
-    History or None
-        None where it did not end as it must.
+    Beside the statuses of solutions: "absent" where there is no such solver, "refused" where it raised one of
+    `anctmm.errors`, "failed" where it raised anything else.
     """
+    try:
+        for run in motions_of(task.run):
+            solver_of(task.solver, run)
+    except AnctmmError as error:
+        return Status("absent", str(error)), None
     try:
         with contained(), threadpool_limits(limits=1):
             status, history = _run(task)
-    except (PluginError, UnknownSolverError) as error:
-        return Status("absent", str(error)), None
     except AnctmmError as error:
         status = Status("refused", f"{type(error).__name__}: {error}")
-        history = History(samples(np.empty(0), "t (s)", {}), 0, f"refused, {type(error).__name__}")
+        history = History(samples("t (s)"), ending=f"refused, {type(error).__name__}")
     except Exception as error:  # one broken solver must not end a check
         return Status("failed", f"{type(error).__name__}: {error}"), None
     if history is None or status.code != task.ends:
@@ -62,10 +59,10 @@ def answered(task: Task) -> tuple[Status, History | None]:
 
 
 def _run(task: Task) -> tuple[Status, History | None]:
-    """How the run of a task ended, and its history; None where it did not end as it must."""
+    """The same of a run that raises whatever it raises."""
     run, what = task.run, getattr(task.run, "what", "")
     if isinstance(run, Read) and what == "modes":
-        return Status(), _table("mode", _modes(task, run))
+        return Status(), History(pd.DataFrame(dict(_modes(task, run))).rename_axis("mode"))
     solutions = [solution_of(task, one) for one in motions_of(run)]
     status = next((s.status for s in solutions if not s.status.ok), Status())
     if status.code != task.ends:
@@ -74,51 +71,42 @@ def _run(task: Task) -> tuple[Status, History | None]:
     if what == "compared with":
         comparison = at.compare(found, solutions[1], task.probes)
         errors = np.array([comparison.error, comparison.largest, *comparison.by_probe.values()])
-        return status, _table("probe", iter([(label("relative error"), errors)]))
-    columns = _forces(_saved(found)) if what == "forces" else _motion(task, found)
+        return status, History(pd.DataFrame({label("relative error"): errors}).rename_axis("probe"))
+    columns = _forces(found) if what == "forces" else _motion(task, found)
     return status, _history(motions_of(run)[0], found, columns)
+
+
+def solver_of(name: str, run: Motion) -> Solver:
+    """The solver that does a run; AnctmmError if it is not registered, cannot be loaded or has no statics."""
+    solver = READABLE[name] if name in READABLE else registry.solver(name)
+    return registry.static_of(name, solver) if isinstance(run, Static) else solver
 
 
 def solution_of(task: Task, run: Motion) -> Solution:
     """The solution of a run by the solver of a task; raises whatever the solver raises."""
-    name, options = task.solver, dict[str, Any]()
-    solver = READABLE[name] if name in READABLE else registry.solver(name)
+    solve = solver_of(task.solver, run)
     if isinstance(run, Static):
-        static = registry.static_of(name, solver)
-        answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
-    else:
-        if getattr(task.run, "what", "") == "start=rest":
-            still = Static(run.mesh, run.element, run.quadrature, run.newton_tolerance)
-            options["start"] = registry.static_of(name, solver)(task.scene, still.discretisation)
-        answer = solver(task.scene, run, **options)
-    if not isinstance(answer, Solution):
-        raise TypeError(f"solver {name!r} answers {shown(answer)}; a Solution is needed")
-    return answer
-
-
-def _table(axis: str, columns: Columns) -> History:
-    """A history whose samples are numbered."""
-    values = dict(columns)
-    return History(samples(np.arange(float(len(next(iter(values.values()))))), axis, values))
-
-
-# --- histories of a motion -----------------------------------------------------------------------------------
+        return solve(task.scene, run.discretisation, load_steps=run.load_steps)
+    if getattr(task.run, "what", "") != "start=rest":
+        return solve(task.scene, run)
+    still = Static(run.mesh, run.element, run.quadrature, run.newton_tolerance)
+    return solve(task.scene, run, start=solver_of(task.solver, still)(task.scene, still.discretisation))
 
 
 def _history(run: Motion, found: Solution, columns: Columns) -> History:
     """Samples at the times wanted; a solver may take more of them (load steps), or end early."""
-    axis, status = "load factor" if isinstance(run, Static) else "t (s)", found.status
-    parts = {"step": status.step, "body": status.body, "element": status.element}
-    words = [status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)]
-    ending = "" if status.ok else ", ".join(words)
+    if isinstance(run, Static):
+        axis, times = "load factor", np.linspace(0.0, 1.0, run.load_steps + 1)
+    else:
+        axis, times = "t (s)", run.times(run.output_steps)
+    named = ((name, getattr(found.status, name)) for name in ("step", "body", "element"))
+    words = [found.status.code, *(f"{name} {value}" for name, value in named if value is not None)]
+    ending = "" if found.status.ok else ", ".join(words)
     if len(found.t) < 2:  # a run that ended before its first output has only a status
-        return History(samples(np.empty(0), axis, {}), 0, ending)
-    times = (
-        np.linspace(0.0, 1.0, run.load_steps + 1) if isinstance(run, Static) else run.times(run.output_steps)
-    )
+        return History(samples(axis), ending=ending)
     mine, _ = common_times(found.t, times)
-    values = {head: series[mine] for head, series in columns}
-    return History(samples(found.t[mine], axis, values), found.cost.newton_iterations, ending)
+    frame = samples(axis, found.t[mine], ((head, series[mine]) for head, series in columns))
+    return History(frame, found.cost.newton_iterations, ending)
 
 
 def _motion(task: Task, found: Solution) -> Columns:
@@ -127,24 +115,14 @@ def _motion(task: Task, found: Solution) -> Columns:
         body, key = found.scene.probe(probe)
         where = f"{body} at {key if isinstance(key, str) else f'{key:g}'}"
         yield from _vector("displacement", where, found.displacement(probe))
-        if (angle := _turned_in_place(found, probe)) is not None:
+        angle = turned_in_place(found, probe)  # displacements and energies do not tell its sense
+        if angle is not None:
             yield label("angle", where), angle
     energy = found.energy
     yield from _given("kinetic energy", energy.kinetic)
     yield from _given("strain energy", energy.strain)
     yield from _given("potential energy", energy.potential)
     yield from _given("work", energy.work)
-
-
-def _turned_in_place(found: Solution, probe: Probe) -> Array | None:
-    """Angle of a place that rests and turns, such as an axle, rad; displacements and energies do not tell its sense."""
-    if np.linalg.norm(found.displacement(probe), axis=1).max(initial=0.0) > rounding_at(found, probe):
-        return None
-    try:
-        angle = found.angle(probe)
-    except ResultError:
-        return None
-    return angle if np.abs(angle).max(initial=0.0) > TURNED else None
 
 
 def _vector(quantity: str, where: str, series: Array) -> Columns:
@@ -158,18 +136,10 @@ def _given(quantity: str, series: Array) -> Columns:
         yield label(quantity), series
 
 
-# --- what users read besides -----------------------------------------------------------------------------------
-
-
-def _saved(found: Solution) -> Solution:
-    """The solution after it has been written and read."""
-    with TemporaryDirectory() as folder:
-        path = found.save(Path(folder) / "run.npz")
-        return at.load(path, found.scene)
-
-
 def _forces(found: Solution) -> Columns:
-    """Reactions of all joints, section forces of the flexible beams, tensions of all connectors."""
+    """Reactions of joints, section forces of flexible beams, tensions of connectors: of a run saved and loaded."""
+    with TemporaryDirectory() as folder:
+        found = at.load(found.save(Path(folder) / "run.npz"), found.scene)
     assert found.run
     kinds = {name: kind for name, (_, kind) in found.run.of(found.scene).items()}
     for k, joint in enumerate(found.scene.joints):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from studies.engine.files import atomic_write
-from studies.engine.tables import Table, say, show_frame, write_table
+from studies.engine.tables import Table, say, say_counts, show_frame, write_table
 from studies.regression.check import DIFFERS, FAILED, NOT_RUN, Finding
 from studies.report.plots import picture, write_picture
 
@@ -36,8 +36,7 @@ def show(findings: Sequence[Finding], console: Console) -> None:
     for f in (f for f in findings if f.reason):
         style = "yellow" if f.verdict == NOT_RUN else "green" if f.good else "bold red"
         say(console, f"{f.title}: {f.reason}", style)
-    counts = pd.Series([f.verdict for f in findings]).value_counts(sort=False)
-    say(console, ", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
+    say_counts(console, (f.verdict for f in findings))
 
 
 def write_check(findings: Sequence[Finding], folder: Path) -> None:
@@ -55,6 +54,7 @@ def write_check(findings: Sequence[Finding], folder: Path) -> None:
 def junit(findings: Sequence[Finding]) -> str:
     """JUnit XML: a suite a scene, a case a comparison."""
     xml = ElementTree.Element("testsuites", name="anctmm check")
+    kinds = {"failures": "failure", "errors": "error", "skipped": "skipped"}
     for scene, group in groupby(findings, key=lambda f: f.name.split("/")[0]):
         suite = ElementTree.SubElement(xml, "testsuite", name=scene)
         for f in group:
@@ -62,16 +62,12 @@ def junit(findings: Sequence[Finding]) -> str:
             about = {"name": title, "classname": f"{scene}.{run}", "time": f"{f.wall_s:.3f}"}
             case = ElementTree.SubElement(suite, "testcase", about)
             if not f.good or f.verdict == NOT_RUN:
-                sizes = f"{f.where} differs by {f.difference:.2g}, allowed are {f.tolerance:.2g}" * bool(
-                    f.where
-                )
-                text = "".join(c if c.isprintable() else " " for c in f"{f.verdict}: {f.reason}; {sizes}")
-                outcome = OUTCOMES.get(f.verdict, "failure")
-                ElementTree.SubElement(case, outcome, message=text, type=f.verdict)
-        counts = {"failures": "failure", "errors": "error", "skipped": "skipped"}
-        for name, outcome in counts.items():
-            suite.set(name, str(len(suite.findall(f"testcase/{outcome}"))))
-        suite.set("tests", str(len(suite)))
+                sizes = f"; {f.where} differs by {f.difference:.2g}, allowed are {f.tolerance:.2g}"
+                said = f"{f.verdict}: {f.reason}{sizes if f.where else ''}"
+                text = "".join(c if c.isprintable() else " " for c in said)
+                ElementTree.SubElement(case, OUTCOMES.get(f.verdict, "failure"), message=text, type=f.verdict)
+        counts = {name: str(len(suite.findall(f"testcase/{outcome}"))) for name, outcome in kinds.items()}
+        suite.attrib.update(counts, tests=str(len(suite)))
     return ElementTree.tostring(xml, encoding="unicode", xml_declaration=True)
 
 

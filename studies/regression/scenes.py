@@ -1,6 +1,5 @@
 """What `anctmm check` watches: scenes, their runs, and what is read of each run."""
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -10,10 +9,9 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, shown
 from anctmm.model.scene import Probe, Scene
 from anctmm.validation import whole
-from studies.user_files import defined_in
+from studies.engine.files import file_name
+from studies.user_files import listed_in
 
-#: Names of scenes, runs and solvers become names of directories and files.
-PLAIN = re.compile(r"\w[\w.+-]*")
 #: Newton tolerance of stored runs: a looser one makes wide tolerances.
 TIGHT = 1e-12
 MOST_STEPS = 1000
@@ -23,9 +21,6 @@ ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_
 
 class CheckError(AnctmmError, ValueError):
     """The runs to check, or their stored histories, cannot be determined."""
-
-
-# --- kinds of runs -------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -64,20 +59,14 @@ Motion = Discretisation | Static
 class Read:
     """A run of which something else than its motion is read.
 
-    Parameters
-    ----------
-    what : str
-        "start=rest": the motion from the static equilibrium under the loads of t = 0. "forces": reactions, section
-        forces and tensions, after the run was saved and loaded. "compared with": `anctmm.compare` of two runs, the
-        second one the reference. "modes": natural ones about the equilibrium, or in a steady spin.
-    runs : tuple
-    spin : float
-        rad/s.
+    "start=rest": the motion from the static equilibrium under the loads of t = 0. "forces": reactions, section forces
+    and tensions, after the run was saved and loaded. "compared with": `anctmm.compare` of two runs, the second one the
+    reference. "modes": natural ones about the equilibrium, or in a steady spin.
     """
 
     what: Literal["start=rest", "forces", "compared with", "modes"]  # as in the settings of stored histories
     runs: tuple[Motion, ...]
-    spin: float = 0.0
+    spin: float = 0.0  # rad/s
 
 
 Run = Motion | Read
@@ -108,9 +97,6 @@ def _words(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-# --- scenes with their runs ----------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Watch:
     """A scene, its runs, its solvers, and the places at which its motion is read.
@@ -118,23 +104,17 @@ class Watch:
     Parameters
     ----------
     scene : Scene
-        Its name becomes a directory's.
     probes : list or tuple
         "body.end" or ("body", fraction), or a point of a rigid body.
     runs : mapping of str to Discretisation or Static
-        By a short name, which becomes a directory's. Few output times, so that the stored history can be read.
+        By a short name. Few output times, so that the stored history can be read.
     solvers : list or tuple of str
         Registered names; one that is not installed becomes a row that says so.
     ends : str
         Code of the status with which the runs must end: "ok", or what must be found ("diverged", …); "refused" where
         the solver must raise one of `anctmm.errors`.
 
-    Raises
-    ------
-    CheckError
-        If something is missing, of another kind, or its name is no file name.
-    UnknownNameError
-        If a probe is not of the scene.
+    CheckError if something is missing or of another kind, UnknownNameError if a probe is not of the scene.
     """
 
     scene: Scene
@@ -148,20 +128,14 @@ class Watch:
             raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
         whose = f"of {self.scene.name!r}"
         for name, kind in (("probes", list | tuple), ("solvers", list | tuple), ("runs", Mapping)):
-            value, needed = (
-                getattr(self, name),
-                f"a {'mapping' if name == 'runs' else 'list'} of at least one",
-            )
+            value = getattr(self, name)
             if not isinstance(value, kind) or not value:
+                needed = f"a {'mapping' if name == 'runs' else 'list'} of at least one"
                 raise CheckError(f"Watch {whose} has {name} {shown(value)}; {needed} is needed")
         for name, run in self.runs.items():
             if not isinstance(run, Run):
                 wrong = f"run {name!r} {whose} is {shown(run)}"
                 raise CheckError(f"{wrong}; a Discretisation or a Static is needed")
-        for name in (self.scene.name, *self.runs, *self.solvers):
-            if not isinstance(name, str) or not PLAIN.fullmatch(name):
-                wrong = f"name {shown(name)} {whose} becomes a file's"
-                raise CheckError(f"{wrong}; letters, digits, _ . + - are needed")
         for probe in self.probes:
             self.scene.probe(probe)
 
@@ -179,8 +153,8 @@ class Task:
 
     @property
     def name(self) -> str:
-        """scene/run/solver: also its place below the baselines."""
-        return f"{self.scene.name}/{self.run_name}/{self.solver}"
+        """scene/run/solver, each as the name of a file: also its place below the baselines."""
+        return "/".join(file_name(str(part)) for part in (self.scene.name, self.run_name, self.solver))
 
     def path(self, baselines: Path) -> Path:
         """The file of its stored history."""
@@ -203,8 +177,4 @@ def tasks_of(watches: Iterable[Watch]) -> tuple[Task, ...]:
 
 def declared_in(path: Path) -> tuple[Watch, ...]:
     """The WATCHED of a user's Python file, which may import its neighbours; CheckError if there is none."""
-    found = defined_in(path, "WATCHED", CheckError, "--scenes")
-    if not found or not isinstance(found, list | tuple) or not all(isinstance(w, Watch) for w in found):
-        wrong = f"--scenes {path} defines WATCHED = {shown(found)}"
-        raise CheckError(f"{wrong}; a list of at least one Watch is needed")
-    return tuple(found)
+    return listed_in(path, "WATCHED", Watch, CheckError, "--scenes")

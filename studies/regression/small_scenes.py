@@ -82,8 +82,7 @@ DRIVEN_ROW = at.Scene(
      moving(body("beside", (0.0, 1.0), (0.5, 1.0), PLAIN, BLOCK), speed=3.0, centre=(0.1, 0.9), bending=2.0)],
     [at.Clamp("one.start", angle=at.Quintic(0.9, 0.05)), at.Pin("one.end", "two.end")],
     [at.Force("two.start", (0.7, -0.4)), at.Force("one.end", ramp((0.3, -0.5), (20.0, -400.0))),
-     at.Torque("two.end", 0.02), at.Torque("beside.end", at.Pulse(0.03, 0.06))],
-    GRAVITY,
+     at.Torque("two.end", 0.02), at.Torque("beside.end", at.Pulse(0.03, 0.06))], GRAVITY,
 )
 # The driven clamp holds the end of the row and already turns at t = 0; two bodies welded at an angle with it.
 DRIVEN_END = at.Scene(
@@ -100,8 +99,7 @@ ANGLED_ROW = at.Scene(
     [at.Weld("one.end", "two.end", grounded=True), at.Weld("two.start", "three.start"),
      at.Pin("three.end", "four.end", grounded=True), at.Clamp("four.start")],
     [at.Force("one.start", (0.4, 0.9)), at.Torque("three.start", 0.03),
-     at.Force("two.start", ramp((0.0, -1.0), (30.0, 100.0)))],
-    GRAVITY,
+     at.Force("two.start", ramp((0.0, -1.0), (30.0, 100.0)))], GRAVITY,
 )
 # The angled row under a load that it can bear.
 ANGLED_STILL = replace(
@@ -118,8 +116,7 @@ MIXED_ROW = at.Scene(
     [at.Clamp("one.start", angle=at.Quintic(0.6, 0.04)), at.Pin("one.end", "two.end"),
      at.Weld("two.start", "three.start"), at.Pin("three.end", "four.start")],
     [at.Torque("two.end", 0.02), at.Torque("four.end", lambda t: 0.01 + 0.4 * t),
-     at.Force("four.end", ramp((0.2, -0.6), (10.0, 200.0))), at.Force("beside.start", (0.1, 0.2))],
-    GRAVITY,
+     at.Force("four.end", ramp((0.2, -0.6), (10.0, 200.0))), at.Force("beside.start", (0.1, 0.2))], GRAVITY,
 )
 MIXED = {"one": "shear", "two": "cable", "three": "cable", "four": "shear", "beside": "shear"}
 MIXED_MESH = {"one": 2, "two": 1, "three": 2, "four": 1, "beside": 2}
@@ -131,8 +128,7 @@ RIGID_ROW = at.Scene(
     [at.Clamp("crank.start", angle=at.Quintic(1.2, 0.06)), at.Pin("crank.end", "bar.end"),
      at.Weld("bar.start", "strip.start"), at.Pin("strip.end", "tail.start")],
     [at.Torque("bar.start", 0.03), at.Force("tail.end", ramp((0.5, -0.3), (30.0, 300.0))),
-     at.Torque("beside.end", -0.02)],
-    GRAVITY,
+     at.Torque("beside.end", -0.02)], GRAVITY,
 )
 RIGID = {"crank": "rigid", "bar": "rigid", "strip": "cable", "tail": "rigid", "beside": "rigid"}
 RIGID_MESH = {"crank": 1, "bar": 1, "strip": 2, "tail": 1, "beside": 1}
@@ -141,8 +137,7 @@ OPTIONS = at.Scene(
     "small-options",
     [body("one", A, B), body("two", C, B, FIRM, ROD)],
     [at.Clamp("one.start", angle=at.Quintic(0.9, 0.05)), at.Pin("one.end", "two.end")],
-    [at.Torque("two.start", 0.02), at.Force("one.end", ramp((0.3, -0.5), (20.0, -400.0)))],
-    GRAVITY,
+    [at.Torque("two.start", 0.02), at.Force("one.end", ramp((0.3, -0.5), (20.0, -400.0)))], GRAVITY,
 )
 # One chain with a driven start, a pin and a body drawn backwards.
 DRIVEN_CHAIN = replace(OPTIONS, name="small-driven-chain")
@@ -186,8 +181,7 @@ TREE = at.Scene(
      body("twig", C, (0.9, 0.7))],
     [at.Clamp("trunk.start", angle=at.Quintic(0.7, 0.05)), at.Pin("trunk.end", "left.end", "right.start"),
      at.Weld("left.start", "twig.start")],
-    [at.Torque("right.end", 0.02), at.Force("twig.end", ramp((0.1, -0.3), (10.0, 90.0)))],
-    GRAVITY,
+    [at.Torque("right.end", 0.02), at.Force("twig.end", ramp((0.1, -0.3), (10.0, 90.0)))], GRAVITY,
 )
 # A triangle of bodies that swings about one corner; another corner is welded at its angle.
 LOOP = at.Scene(
@@ -195,8 +189,7 @@ LOOP = at.Scene(
     [body("one", A, B), body("two", C, B, FIRM, ROD), body("three", C, A, PLAIN, BLOCK)],
     [at.Pin("one.start", "three.end", grounded=True), at.Pin("one.end", "two.end"),
      at.Weld("two.start", "three.start")],
-    [at.Torque("two.end", 0.02), at.Force("three.start", (0.3, -0.4))],
-    GRAVITY,
+    [at.Torque("two.end", 0.02), at.Force("three.start", (0.3, -0.4))], GRAVITY,
 )
 # A driven clamp, a weld at an angle and a driven weld that leave the stretch free, and loads along the beams.
 STRETCHED = at.Scene(
@@ -222,8 +215,7 @@ LINKAGE = at.Scene(
      at.Force(("one", 0.7), ramp((0.2, 0.3), (15.0, 90.0)), follower=True),
      at.Torque(("one", 0.35), 0.012), at.Force(("two", 0.6), (0.1, 0.25)),
      at.Force("ball.center", ramp((0.1, 0.0), (3.0, -60.0))), at.LineLoad("one", (0.5, -0.4)),
-     at.LineLoad("two", ramp((0.0, 0.3), (9.0, 70.0))), at.Torque("plate.center", -0.02)],
-    GRAVITY,
+     at.LineLoad("two", ramp((0.0, 0.3), (9.0, 70.0))), at.Torque("plate.center", -0.02)], GRAVITY,
     [at.Spring("plate.c", "ball.center", stiffness=30.0, damping=0.2, preload=0.15),
      at.Spring("ball.center", (1.2, 0.8), stiffness=25.0, damping=0.1, length=drawn(0.6, 0.8, -3.0)),
      at.Spring(("one", 0.3), "two.start", law=stiffening),

@@ -1,13 +1,9 @@
 """Allowed differences of a history, measured on the history itself.
 
-Two things change a history although nothing has changed. Rounding: another processor or another order of the same sums
-rounds otherwise at every step. And the iteration: Newton stops somewhere below its tolerance. Both are measured when a
-history is stored: the scene is turned in the plane by angles of no meaning (vectors, turned back, would be equal in
-exact arithmetic, and scalars are), and the iteration is stopped at a tolerance ten times as large; in statics, it also
-gets there by twice the load steps.
-
-The largest difference of these runs, but no less than what a single rounding or a single iteration may leave, times
-MARGIN, is the tolerance. It stands in the file with its reason, so that one that grows is seen in a diff.
+A history changes with rounding, and with the place where Newton's iteration stops. Both are measured when it is stored:
+the scene is turned in the plane (vectors, turned back, would be equal in exact arithmetic, and scalars are), and the
+iteration stops at a tolerance ten times as large; in statics it also takes twice the load steps. The largest difference
+of these runs, but no less than a single rounding or iteration may leave, times MARGIN, is the tolerance.
 """
 
 from collections.abc import Iterator

@@ -1,17 +1,19 @@
-"""How all scenes of `anctmm check` are run: every element, integrator and option, by the solvers that have them.
+"""How the scenes of `anctmm check` are run: every element, integrator and option, by the solvers that have them.
 
 Meshes and steps are coarse: the code is tested, not its accuracy, and it should not take long.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.case import Case
 from anctmm.model.scene import Beam, Probe, Scene
 from studies import scenes as base
+from studies.engine.meshes import Mesh, by_beam, by_length, longest_step
 from studies.regression import small_scenes as small
-from studies.regression.scenes import TIGHT, Read, Run, Static, Watch
+from studies.regression.scenes import TIGHT, Motion, Read, Run, Static, Watch
 
 Runs = dict[str, Run]
 OURS = ("anctmm",)
@@ -23,9 +25,6 @@ CHAINS = ("transfer-plain", "transfer-riccati")
 FOUR_BAR_MESH = {"crank": 2, "coupler": 8, "follower": 2}
 ROW3 = {"one": 2, "two": 3, "beside": 1}
 ROW4 = {"one": 1, "two": 3, "three": 2, "four": 1}
-
-
-# --- runs ------------------------------------------------------------------------------------------------------
 
 
 def fixed(
@@ -67,9 +66,6 @@ def controlled(
     return Discretisation(mesh, tolerance=tolerance, t_end=t_end, output_dt=t_end / parts, **options)
 
 
-# --- base scenes -----------------------------------------------------------------------------------------------
-
-
 def base_scenes() -> list[Watch]:
     """Base scenes × elements × integrators × solvers."""
     rest = [(CABLE, {"cable-static": Static(8)}), (ROD, {"shear-static": Static(8, "shear")})]
@@ -108,8 +104,6 @@ def _fall() -> list[tuple[tuple[str, ...], Runs]]:
         (OURS, {"cable-adaptive": controlled(1e-4, 0.4, 8, 8)}),
     ]
 
-
-# --- small scenes ----------------------------------------------------------------------------------------------
 
 BOTH = "cable-zhai shear-zhai cable-implicit shear-implicit"
 ONE = "cable-zhai cable-implicit shear-implicit"
@@ -207,3 +201,25 @@ def _limits() -> Iterator[Watch]:
             dt = float(f"{limit * factor:.5g}")
             run = Discretisation(mesh, element, integrator="zhai", dt=dt, t_end=4.0 * dt, psi=psi, phi=psi)
             yield _watch(scene, {f"{side}-limit-{name}": run}, ends)
+
+
+#: Elements of the longest beam, steps between outputs, and samples of a stored history at most.
+ELEMENTS, EVERY, SAMPLES = 4, 4, 20
+
+
+def watches_of(cases: Iterable[Case], mesh: Mesh | None = None, dt: float | None = None) -> tuple[Watch, ...]:
+    """A watch of each case, of one run of cables and implicit steps.
+
+    `mesh` has elements of each beam, or one number for all; StudyError if it does not fit. `dt` is a step, s.
+    """
+    return tuple(Watch(c.scene, tuple(c.probes), {"cable": _run(c, mesh, dt)}, PEERS) for c in cases)
+
+
+def _run(case: Case, given: Mesh | None, dt: float | None) -> Motion:
+    mesh = by_beam(case.scene, given or by_length(case.scene, ELEMENTS, each=2) or (2,))
+    if case.static:
+        return Static(mesh)
+    outputs = round(case.duration / case.interval)
+    few = next(k for k in range(1, outputs + 1) if outputs % k == 0 and outputs // k <= SAMPLES)
+    step, each = dt or longest_step(case) / EVERY, few * case.interval
+    return Discretisation(mesh, newton_tolerance=TIGHT, dt=step, t_end=case.duration, output_dt=each)

@@ -83,7 +83,7 @@ def write_report(
     joined = [join([r for r in results if r.name == name]) for name in names]
     for result in joined:
         for table in result.tables:
-            write_table(table, folder / result.name, readable=False)
+            write_table(table, folder / result.name, for_people=False)
         for picture in result.pictures if result.name in DRAWN else ():
             write_picture(picture, folder / result.name)
     write_machine(folder)

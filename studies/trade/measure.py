@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, isinf, nan
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 from numpy import nansum
@@ -23,9 +23,8 @@ from studies.engine.runner import Runner
 from studies.engine.study import Options
 from studies.engine.tables import records
 from studies.engine.timing import least
-from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, SHARED, Trial, explicit_limit, offer_of
+from studies.engine.trials import EXPLICIT, IMPLICIT, OURS, Trial, explicit_limit, offer_of
 
-Level = TypeVar("Level")
 #: Target errors; the smallest by default, by whether the run is quick.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -36,8 +35,6 @@ SHARE = 0.3
 FEWEST, MOST_STEPS, MORE_MESHES = 2, 8, 2
 #: Tolerances of the error-controlled steps; of a quick run.
 TOLERANCES = {False: (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), True: (1e-2, 1e-3, 1e-4)}
-
-
 #: s of CPU time that a whole call of a sweep may take at most, and elements times steps, by whether it is quick.
 MOST_S, MOST_WORK = {False: 2.0, True: 1.0}, {False: 4e6, True: 4e5}
 #: Steps of one setting over the shortest step of the sweep, of the runs that separate the errors of step and mesh.
@@ -84,7 +81,10 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
         models = ("cable" if options.element == "quintic" else options.element,)
     runner.heading = f"{case.name}, reference: "
     found = {e: Refinement(case, runner, element=e).refined(SHARE * smallest) for e in models}
-    _check_moves(case, found)
+    complete = [run.solution for run in found.values() if run.solution.status.ok]
+    if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
+        probes = ", ".join(map(place_name, case.probes))
+        raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
     meshes = {
         e: options.meshes or _few(run.levels.mesh_at, run.i if run.known else 0, quick)
         for e, run in found.items()
@@ -97,14 +97,7 @@ def levels_of(case: Case, options: Options, runner: Runner) -> Levels:
     return Levels(case, asked, steps, found, targets)
 
 
-def _check_moves(case: Case, found: Mapping[str, Refined]) -> None:
-    complete = [run.solution for run in found.values() if run.solution.status.ok]
-    if complete and all(rests(solution, probe) for solution in complete for probe in case.probes):
-        probes = ", ".join(map(place_name, case.probes))
-        raise StudyError(f"case {case.name!r} has probes {probes}, none of which moves; at least one must")
-
-
-def _few(at: Callable[[int], Level], last: int, quick: bool) -> tuple[Level, ...]:
+def _few(at: Callable[[int], Any], last: int, quick: bool) -> tuple[Any, ...]:
     """Levels up to that of a reference; of a quick run the last and some before it, every second one."""
     levels = [at(k) for k in range(last + 1)]
     return tuple(levels[::-2][FEWEST::-1] if quick else levels)
@@ -113,8 +106,8 @@ def _few(at: Callable[[int], Level], last: int, quick: bool) -> tuple[Level, ...
 def grid(levels: Levels, options: Options) -> pd.DataFrame:
     """Every solver with every freedom that it offers, on the same meshes with the same steps: a row a setting.
 
-    Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); kind (solver, element
-    and way to step); round (place in the order of the runs, from coarse to fine). StudyError without any row.
+    Columns: trial; tightest (whether the bounds of the iteration are the tightest of the solver); round (place in the
+    order of the runs, from coarse to fine). StudyError without any row.
     """
     late = dict(not_timed(levels.case, options))
     solvers = [solver for solver in options.solvers or registry.names() if solver not in late]
@@ -124,15 +117,11 @@ def grid(levels: Levels, options: Options) -> pd.DataFrame:
         asked = " ".join(filter(None, (options.element, options.integrator))) or "a run"
         raise StudyError(f"{asked} is asked for; no solver of {', '.join(solvers)} offers that")
     rows = [
-        {
-            "trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j),
-            "kind": (family.solver, family.element, stepping),
-        }
+        {"trial": replace(family, mesh=mesh, dt=dt), "tightest": tightest, "round": (k, j)}
         for family, tightest in every
-        for stepping in [family.integrator + (", error-controlled" if family.error_controlled else "")]
         for k, mesh in enumerate(_meshes_of(levels, family, options.quick))
         for j, dt in enumerate(steps_of(levels, replace(family, mesh=mesh)))
-    ]  # fmt: skip
+    ]
     return pd.DataFrame(rows)
 
 
@@ -159,11 +148,10 @@ def _families(levels: Levels, element: str, solver: str, options: Options) -> It
         if integrator == EXPLICIT:
             yield plain, True
             continue
-        choices = (tuple(choice.items()) for choice in offer.choices)
-        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(choices))
-        newton = ("newton_tolerance", NEWTON_TOLERANCES[-1])
+        yield from ((replace(plain, options=given), k == 0) for k, given in enumerate(offer.choices))
         for tolerance in TOLERANCES[quick]:
-            yield replace(plain, options=(("tolerance", tolerance), newton)), True
+            given = {"tolerance": tolerance, "newton_tolerance": NEWTON_TOLERANCES[-1]}
+            yield replace(plain, options=given), True
 
 
 def _meshes_of(levels: Levels, family: Trial, quick: bool) -> tuple[Mesh, ...]:
@@ -184,9 +172,6 @@ def steps_of(levels: Levels, trial: Trial) -> tuple[float, ...]:
         return levels.steps
     largest = step_below(levels.case, limit)
     return largest, largest / 2.0
-
-
-# --- runs, errors and times --------------------------------------------------------------------------------
 
 
 def solve_all(levels: Levels, settings: pd.DataFrame, runner: Runner) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -236,9 +221,9 @@ def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
     """A run by a fine step on a mesh: by the fourth-order steps of ANC–TMM, or else by second order of the solver."""
     solver, shortest = _owner(trial), min(levels.steps)
     tight = {k: NEWTON if k == "newton_tolerance" else v for k, v in offer_of(solver).choices[0].items()}
-    fourth = replace(trial, solver=solver, integrator="esdirk", options=tuple(tight.items()), dt=shortest)
+    fourth = replace(trial, solver=solver, integrator="esdirk", options=tight, dt=shortest)
     second = replace(fourth, integrator=IMPLICIT, dt=shortest / FINER)
-    explicit = replace(fourth, integrator=EXPLICIT, options=(), dt=nan)
+    explicit = replace(fourth, integrator=EXPLICIT, options={}, dt=nan)
     runner.heading = f"{levels.case.name}, error of the step: "
     for one in [fourth, second, explicit] if solver == OURS else [second, explicit]:
         one = one if one.dt > 0.0 else replace(one, dt=min(steps_of(levels, one)))
@@ -251,28 +236,29 @@ def _fine(levels: Levels, trial: Trial, runner: Runner) -> Fine:
 
 def _row(levels: Levels, setting: dict[str, Any], solution: Solution, fine: Fine) -> dict[str, Any]:
     trial, cost = setting["trial"], solution.cost
-    reference, asked = levels.reference_of(trial.element), dict(trial.options)
+    reference, asked = levels.reference_of(trial.element), trial.options
     return {
         "scene": levels.case.name, "solver": trial.solver, "element": trial.used, "asked": trial.element,
         "quadrature": KINDS[trial.element].quadrature_shown(trial.quadrature), "integrator": trial.integrator,
         "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt, "tolerance": asked.get("tolerance", nan),
         "newton_tolerance": asked.get("newton_tolerance", nan),
-        "own": str({k: v for k, v in trial.options if k not in SHARED}), "steps": cost.steps,
+        "own": str(trial.own), "steps": cost.steps,
         "newton_iterations": cost.newton_iterations, "error": reference.error_of(solution),
         "mesh_error": reference.error_of(fine[0]) if fine else nan,
         "step_error": difference(solution, fine[0], levels.case.probes) if fine else nan,
         "reference_error": reference.uncertainty, "step_reference_error": fine[1] if fine else nan,
         "cpu_s": cost.cpu_s, "cpu_spread": nan, "build_s": cost.build_s, "repeats": 1,
         "status": str(solution.status), "reference": reference.name,
-        "trial": trial, "tightest": setting["tightest"], "kind": setting["kind"],
+        "trial": trial, "tightest": setting["tightest"],
     }  # fmt: skip
 
 
 def _outcomes(levels: Levels, settings: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """For each solver, element and way to step the kind of outcome: an answer, or why there is none."""
+    kinds, ran = (frame["trial"].map(lambda trial: trial.kind) for frame in (settings, rows))
     lines = []
-    for solver, element, stepping in settings["kind"].drop_duplicates():
-        status = rows.loc[rows["kind"] == (solver, element, stepping), "status"]
+    for solver, element, stepping in kinds.drop_duplicates():
+        status = rows.loc[ran == (solver, element, stepping), "status"]
         good = int(status.str.startswith("ok").sum())
         code, _, why = status.iloc[0].partition(": ") if len(status) else ("", "", "")
         lines.append({

@@ -2,9 +2,7 @@
 
 from ast import literal_eval
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ from studies.engine.identity import identity
 from studies.engine.meshes import mesh_label
 from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import milliseconds, say, show_frame
-from studies.engine.trials import NO_BEAMS, SHARED, Trial
+from studies.engine.trials import NO_BEAMS, Trial, solved
 from studies.trade.measure import same_continuum
 from studies.trade.tables import history, parts_text, setting_of, stepping
 
@@ -64,7 +62,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Rerun:
-    """A chosen setting run again from its script."""
+    """A chosen setting run again."""
 
     solution: Solution
     error: float
@@ -172,13 +170,13 @@ def _choice(rows: pd.DataFrame, chosen: pd.Series, *remarks: str) -> Choice:
 
 def trial_of(line: Mapping[Any, Any], case: Case) -> Trial:
     """The run of a row of the points."""
-    tolerances = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
+    tolerances = {k: float(line[k]) for k in ("tolerance", "newton_tolerance") if line[k] > 0}
     dt, elements = float(line["dt"]), "1" if line["elements"] == NO_BEAMS else str(line["elements"])
     return Trial.of(
         case, str(line["solver"]), tuple(int(n) for n in elements.split("/")), element=str(line["asked"]),
         quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]), integrator=str(line["integrator"]),
         dt=case.interval / round(case.interval / dt) if dt > 0 else dt,  # a table has nine digits
-        options=(*tolerances, *literal_eval(line["own"]).items()),
+        options=tolerances | literal_eval(line["own"]),
     )  # fmt: skip
 
 
@@ -186,7 +184,7 @@ def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
     """A script that runs a row of the points and leaves `solution`."""
     trial = trial_of(line, case)
     run = ", ".join(f"{name}={value!r}" for name, value in trial.arguments.items())
-    own = "".join(f", {name}={value!r}" for name, value in trial.options if name not in SHARED)
+    own = "".join(f", {name}={value!r}" for name, value in trial.own.items())
     return "\n".join([
         "import anctmm as at",
         "from anctmm.solvers import registry",
@@ -201,20 +199,15 @@ def script(line: Mapping[Any, Any], case: Case, given: str) -> str:
     ])  # fmt: skip
 
 
-def rerun(choice: Choice, case: Case, given: str, measured: Measured, target: float | None) -> Rerun:
-    """Run the script of a choice, and compare the solution with the histories of the reference.
+def rerun(choice: Choice, case: Case, measured: Measured, target: float | None) -> Rerun:
+    """Run a choice again, and compare the solution with the histories of the reference.
 
     With a target error that the choice meets, the rerun meets it, too, if its error and the uncertainty of the
     reference do; else its error must be the table's.
     """
-    line, names = choice.line, dict[str, Any]()
-    code = compile(script(line, case, given), "<script>", "exec")
-    with redirect_stdout(StringIO()):
-        for _ in range(2):  # the first run loads and prepares what it needs: the second one has the time
-            exec(code, names)
+    line, solution = choice.line, solved(trial_of(choice.line, case))
     known = measured.histories[measured.histories["scene"] == case.name]
     element = same_continuum(str(line["asked"]), dict.fromkeys(known["element"]))
-    solution: Solution = names["solution"]
     error, sure = _error(case, solution, known[known["element"] == element]), float(line["reference_error"])
     aim, goal = SAME * float(line["error"]) + 2.0 * sure, f"the table's {line['error']:.2g}"
     if target is not None and choice.reached:
@@ -249,7 +242,7 @@ def show(choice: Choice, origin: str, console: Console) -> None:
 
 
 def show_rerun(again: Rerun, console: Console) -> None:
-    """Print the result of the script."""
+    """Print the result of a rerun."""
     status, cost = again.solution.status, milliseconds(again.solution.cost.cpu_s)
-    said = f"Rerun of this script: {status}, error {again.error:.3g} {'meets' if again.met else 'MISSES'} {again.goal}"
+    said = f"Rerun of this setting: {status}, error {again.error:.3g} {'meets' if again.met else 'MISSES'} {again.goal}"
     say(console, f"{said}; {cost} of CPU time.", "green" if again.met else "red")

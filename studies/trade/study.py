@@ -46,7 +46,7 @@ def run(options: Options, runner: Runner) -> Result:
     like = like_with_like(rows)
     runner.heading = f"{case.name}, "
     timed, samples = time_near(rows, runner, like)
-    rows = timed.drop(columns=["trial", "tightest", "kind"])
+    rows = timed.drop(columns=["trial", "tightest"])
     best, equal = made.recommended(rows, levels.targets), made.at_equal_error(rows, levels.targets)
     answer = _answer(best.frame, equal.frame)
     late = (why for _, why in not_timed(case, options))

@@ -9,7 +9,7 @@ from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 import anctmm as at
 from studies.cases import cases_in, find_case
 from studies.cli import app
-from studies.regression.of_cases import watches_of
+from studies.regression.watches import watches_of
 
 
 @pytest.fixture(autouse=True)

@@ -19,10 +19,10 @@ def case(name): return at.Case(at.Scene(name, [beam]), ["b.end"], t_end=1.0)
 """
 #: Files that cannot be used: their content, and what is said.
 WRONG = {
-    "empty": ("", "defines no CASES; a list of at least one anctmm.Case is needed"),
+    "empty": ("", "defines no CASES; a list of at least one Case is needed"),
     "no list": (HEAD + "CASES = case('a')", "a list of at least one"),
     "nothing in it": ("CASES = []", "CASES = []"),
-    "a mixed list": (HEAD + "CASES = [case('a'), 'b']", "a list of at least one anctmm.Case"),
+    "a mixed list": (HEAD + "CASES = [case('a'), 'b']", "a list of at least one Case"),
     "one name twice": (HEAD + "CASES = [case('a'), case('c'), case('a')]", "2 cases of scenes named 'a'"),
     "it exits": ("import sys\nsys.exit(0)", "sys.exit(0)"),
     "it imports what is not there": ("import nonsense_of_nobody", "nonsense_of_nobody"),
