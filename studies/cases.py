@@ -59,8 +59,8 @@ def chosen(given: str | None, name: str | None) -> tuple[Case, ...] | None:
     """Cases that a user means, if he means any; errors as of `find_cases`."""
     if given is None and name is not None:
         raise CaseError(
-            f"--case is {name!r} without a file; a file that defines {DECLARED} is needed, or the name of a built-in scene "
-            f"in the place of a file"
+            f"--case is {name!r} without a file; a file that defines {DECLARED} is needed, or the name of "
+            f"a built-in scene in its place"
         )
     return None if given is None else find_cases(given, name)
 
