@@ -5,6 +5,7 @@ import runpy
 import tomllib
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from anctmm.discretise.discretisation import INTEGRATORS
@@ -12,6 +13,8 @@ from anctmm.elements.kinds import KINDS
 from studies.regression.scenes import declared_in
 
 ROOT = Path(__file__).parents[1]
+#: Kept tables from which the README's results are.
+TABLES = ("trade/at_equal_error", "trade/same_setting", "bench/contests", "agreement/pairs")
 FOLDERS = ("anctmm", "reference", "studies", "reports", "tests")
 PAGES = sorted(
     p.relative_to(ROOT).as_posix()
@@ -84,3 +87,49 @@ def test_the_scenes_to_watch_are_declared_as_the_page_shows(tmp_path):
     path.write_text(example)
     assert [w.scene.name for w in runpy.run_path(str(path))["WATCHED"]] == ["swing", "sag"]
     assert len(declared_in(path)) == 2
+
+
+# --- figures of the README ----------------------------------------------------------------------------------------
+
+
+def spans(frame, value):
+    """Least and largest value of each scene, with two digits."""
+    found = []
+    for scene in ("four-bar", "cantilever-fall"):
+        ends = [f"{x:.2g}" for x in frame.loc[frame.scene == scene, value].agg(["min", "max"])]
+        found.append(" … ".join(dict.fromkeys(ends)))
+    return "; ".join(found)
+
+
+def rows_of_results():
+    """The rows of the README's table of results, from the kept report."""
+    kept = {name: pd.read_csv(ROOT / "reports" / f"{name}.csv") for name in TABLES}
+    best, same, bench, pairs = kept.values()
+    best, same = (
+        best[best.status == "ok"],
+        same[(same.integrator == "generalized-alpha") & (same.element == "cable")],
+    )
+    exudyn, dae = (lambda t, s=s: t[t.solver == s] for s in ("exudyn-cable", "global-dae"))
+    paper = bench[bench.contest == "four-bar, the paper's elements"].set_index("solver").ratio_step
+    apart = pairs[(pairs.solver == "anctmm") & pairs.same_element]
+    both = {peer: spans(apart[apart.other == peer], "difference") for peer in ("global-dae", "exudyn-cable")}
+    steps, at_best = "CPU time of steps", "each solver at its best settings for errors 1e-2 and 1e-3"
+    return [
+        (f"{steps}: Exudyn / ANC–TMM", at_best, spans(exudyn(best), "ratio")),
+        ("CPU time of whole calls: Exudyn / ANC–TMM", "the same", spans(exudyn(best), "ratio_whole")),
+        (f"{steps}: Exudyn / ANC–TMM", "same cable elements, mesh and step", spans(exudyn(same), "ratio")),
+        (f"{steps}: sparse global DAE / ANC–TMM", at_best, spans(dae(best), "ratio")),
+        (f"{steps}: sparse global DAE / ANC–TMM", "same cable elements, mesh and step", spans(dae(same), "ratio")),
+        (
+            f"{steps}: ordinary ANCF, dense matrix solved in each step / ANC–TMM",
+            "the paper's elements of the four-bar, explicit", f"{paper['global-dae-dense']:.2g} (published: 7.8)",
+        ),
+        (f"{steps}: ordinary ANCF, sparse matrix factored once / ANC–TMM", "the same", f"{paper['global-dae']:.2g}"),
+        ("largest difference from the global DAE, relative", "same elements, mesh and step", both["global-dae"]),
+        ("largest difference from Exudyn, relative", "the same", both["exudyn-cable"]),
+    ]  # fmt: skip
+
+
+def test_results_in_the_readme_are_those_of_the_kept_report():
+    table = "\n".join(f"| {what} | {case} | {value} |" for what, case, value in rows_of_results())
+    assert table in (ROOT / "README.md").read_text(encoding="utf-8"), table

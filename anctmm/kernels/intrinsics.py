@@ -67,10 +67,13 @@ def _entry(context: Any, builder: Any, kind: Any, address: Any, name: str) -> An
 
 @extending.unbox(Reference)
 def _unbox(kind: Any, value: Any, c: Any) -> Any:
-    number = c.pyapi.object_getattr_string(value, "address")
-    address = c.pyapi.long_as_voidptr(number)
-    c.pyapi.decref(number)
-    return extending.NativeValue(c.builder.bitcast(address, c.context.get_value_type(kind)))
+    number, form = c.pyapi.object_getattr_string(value, "address"), c.context.get_value_type(kind)
+    read = cgutils.is_not_null(c.builder, number)
+    found = cgutils.alloca_once_value(c.builder, ir.Constant(form, None))
+    with cgutils.if_likely(c.builder, read):  # not where Ctrl-C is pressed while Python evaluates the address
+        c.builder.store(c.builder.bitcast(c.pyapi.long_as_voidptr(number), form), found)
+        c.pyapi.decref(number)
+    return extending.NativeValue(c.builder.load(found), is_error=c.builder.not_(read))
 
 
 def _called(result: Any, address: Any, given: tuple[Any, ...]) -> Any:

@@ -44,3 +44,15 @@ def test_kernels_read_and_write_nested_tables():
 def test_arrays_that_are_not_contiguous_are_refused():
     with pytest.raises(TypeError, match="arrays of Inner must be contiguous"):
         add_up(Outer(Inner(np.arange(6.0)[::2], 4), np.ones((2, 3))))
+
+
+def test_an_interruption_while_an_address_is_read_ends_the_call(monkeypatch):
+    outer = Outer(Inner(np.arange(3.0), 4), np.ones((2, 3)))
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    add_up(outer)
+    monkeypatch.setattr(Outer, "address", property(interrupted))
+    with pytest.raises(KeyboardInterrupt):
+        add_up(outer)
