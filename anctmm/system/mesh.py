@@ -238,7 +238,11 @@ def _meshes(scene: Scene, run: Discretisation) -> dict[str, BodyMesh]:
 
 
 def _joined(scene: Scene) -> dict[str, dict[tuple[float, ...], Array]]:
-    """Places in the reference of each body whose positions joints share, each once."""
+    """Places in the reference of each body whose positions joints share, each once.
+
+    None of a body whose direction a joint holds: what holds the vector u needs no row, what holds that between two
+    places repeats their distance.
+    """
     found: dict[str, dict[tuple[float, ...], Array]] = {}
     for joint in scene.joints:
         if not joint.shares_position:
@@ -248,6 +252,10 @@ def _joined(scene: Scene) -> dict[str, dict[tuple[float, ...], Array]]:
                 place = scene.place(end)
                 point = tuple(place.position)
                 found.setdefault(place.body.name, {})[point] = np.array(point)
+    for joint in scene.joints:
+        for end in joint.attached if joint.holds_direction else ():
+            if isinstance(end, str) or isinstance(end[0], str):
+                found.pop(scene.place(end).body.name, None)
     return found
 
 

@@ -67,6 +67,7 @@ def log_axes(figure: Figure, axes: Sequence[Axes], labels: Sequence[tuple[str, s
     """Logarithmic axes with their labels, and one legend below all."""
     for panel, (xlabel, ylabel) in zip(axes, labels, strict=True):
         panel.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
+        panel.tick_params(axis="x", which="minor", labelrotation=45, labelsize="x-small")
     legend_below(figure, axes)
 
 

@@ -3,7 +3,7 @@
 `numpy.load(path)` shows the arrays: "t", "energy.kinetic", "fields.beam.coordinates", … Possible are numbers, texts,
 containers, NumPy arrays, and instances of dataclasses, whose fields are set without a call. Classes are looked up among
 those that this process has already loaded: nothing is imported. Of functions of the user, as drives, loads and laws,
-only the name is written.
+only the name is written, of a joint of a kind of the user's own the name, places and numbers.
 """
 
 import json
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from anctmm.errors import OutputError, ResultError, reason, shown
+from anctmm.model.joints import JOINTS, Joint
 
 #: What marks a file as one of these, with the number of its layout.
 FORMAT = "anctmm solution 2"
@@ -47,6 +48,18 @@ class NotSaved:
 
     def __repr__(self) -> str:
         return f"<{self.name}, not saved>"
+
+
+class NotSavedJoint(Joint):
+    """Represents a joint of a user's own kind, whose equations a file cannot contain; `values` are its attributes."""
+
+    def __init__(self, kind: str, values: Mapping[str, Any]) -> None:
+        vars(self).update(values, kind=kind)
+
+    def equations(self, *_: object) -> Any:
+        """Raises ResultError."""
+        name = f"{vars(self)['kind']} of {shown(self.ends)}"
+        raise ResultError(f"{name} was not saved with its equations; `load` takes them from a scene")
 
 
 #: What readers raise of a file that is none of these.
@@ -153,6 +166,9 @@ def _plain(value: Any, arrays: Arrays, path: tuple[str, ...]) -> Any:
     if type(value) in (list, tuple):
         parts = [inside(v, k) for k, v in enumerate(value)]
         return parts if type(value) is list else {"tuple": parts}
+    if isinstance(value, Joint) and type(value) not in JOINTS:
+        values = dict(vars(value))
+        return {"joint": [values.pop("kind", type(value).__name__), inside(values, "joint")]}
     if is_dataclass(value) and not isinstance(value, type):
         names = [f.name for f in fields(value)]
         return {"dataclass": [_name(value), names, [inside(getattr(value, name), name) for name in names]]}
@@ -187,6 +203,8 @@ def _value(plain: Any, arrays: Mapping[str, np.ndarray]) -> Any:
             return float.__new__(_class(content[0], float), content[1])
         case "function":
             return NotSaved(str(content))
+        case "joint":
+            return NotSavedJoint(content[0], _value(content[1], arrays))
         case "dataclass":
             return _instance(content[0], content[1], _value(content[2], arrays))
     raise NotPlain(f"{kind!r} is no kind of data")
