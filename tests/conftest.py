@@ -5,6 +5,9 @@ all but hundreds of random scenes, and `pytest -m ""` those, too.
 """
 
 import os
+import sys
+from pathlib import Path
+from subprocess import Popen
 
 import pytest
 from hypothesis import settings
@@ -15,6 +18,7 @@ settings.register_profile("steady", derandomize=True, deadline=None, max_example
 settings.register_profile("thorough", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
 
+HELPERS = Path(__file__).parent / "helpers"
 #: Modules that `-m "not slow"` leaves out: long runs, many scenes, other codes, commands and studies.
 SLOW = {
     "adaptive": ["events", "promises"],
@@ -53,9 +57,14 @@ def pytest_configure(config):
 def pytest_sessionstart(session):
     """Compile kernels before a full run by several processes, which would each compile the same ones."""
     option = session.config.option
-    workers = getattr(option, "numprocesses", None)
-    if workers and option.markexpr == "not exhaustive" and not option.collectonly:
-        compile_kernels(workers=workers)
+    if (
+        getattr(option, "numprocesses", None)
+        and option.markexpr == "not exhaustive"
+        and not option.collectonly
+    ):
+        with Popen([sys.executable, "-m", "compiling"], cwd=HELPERS) as others:
+            compile_kernels()
+            others.wait()
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks choose

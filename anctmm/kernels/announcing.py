@@ -6,6 +6,8 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
+from anctmm.kernels.options import one_process
+
 #: Seconds of compiling before anything is said.
 PATIENCE = 2.0
 
@@ -43,7 +45,8 @@ class Compiling:
         timer.daemon = True
         timer.start()
         try:
-            kernel(*arguments)
+            with one_process():
+                kernel(*arguments)
         finally:
             timer.cancel()
         self.seconds += time.perf_counter() - began[0]

@@ -8,7 +8,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,22 @@ def _directory() -> str:
 
 
 DIRECTORY = _directory()
+
+
+@contextmanager
+def one_process() -> Iterator[None]:
+    """Let no other process compile.
+
+    Where two store a function for different types at once, numba may give both the same file, and calls of one crash.
+    """
+    with ExitStack() as stack:
+        with suppress(ImportError, OSError):  # Windows; a directory that cannot be written
+            import fcntl
+
+            Path(DIRECTORY).mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(open(Path(DIRECTORY) / "lock", "w"))
+            fcntl.lockf(lock, fcntl.LOCK_EX)  # held by the process: calls within each other do not wait
+        yield
 
 
 @contextmanager

@@ -1,11 +1,8 @@
 """`anctmm compile`: kernels compiled beforehand, by one short run of each kind."""
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from itertools import product
-from multiprocessing import get_context
 from typing import Any
 
 import anctmm as at
@@ -23,21 +20,18 @@ CALLS: dict[str, Callable[..., Any]] = {
 }
 
 
-def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int | None = None) -> None:
+def compile_kernels(done: Callable[[str], None] = lambda _: None) -> None:
     """Compile what has not been compiled yet."""
-    first, *others = CALLS
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        for names in ((first,), others):  # what all kinds share is compiled with the first
-            kinds = [kind for kind in product(names, ELEMENTS) if kind != ("modes", "space")]
-            for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
-                done(future.result())
+    for name, element in product(CALLS, ELEMENTS):
+        if (name, element) != ("modes", "space"):
+            _call(name, element)
+            done(f"{name}, {element}")
 
 
-def call(name: str, element: str) -> str:
-    """One short call; in words."""
+def _call(name: str, element: str) -> None:
+    """One short call."""
     size = 3 if element == "space" else 2
     start, end, down = (0.0, 0.0, 0.0)[:size], (1.0, 0.0, 0.0)[:size], (0.0, -1.0, 0.0)[:size]
     beam = at.Beam("beam", start, end, at.Circle(0.05), at.Material(E=1e7, density=1000.0))
     scene = at.Scene("compile", [beam], [at.Clamp("beam.start")], gravity=down)
     CALLS[name](scene, mesh=2, element="cable" if size == 3 else element)
-    return f"{name}, {element}"
