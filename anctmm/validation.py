@@ -207,7 +207,8 @@ def has_length(value: object, lengths: Sequence[int]) -> bool:
 
 def several(what: str, things: object, needed: str, error: type[AnctmmError]) -> list[Any]:
     """Things of an ordered iterable that ends, as a list; the error names what they are and what is needed."""
-    if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
+    single = getattr(things, "ndim", 1) == 0  # an array of one number says that it is iterable
+    if single or isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
         raise error(f"{what} {shown(things)}; {needed}")
     found = list(islice(things, MANY + 1))
     if len(found) > MANY:

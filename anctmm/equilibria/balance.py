@@ -69,7 +69,7 @@ class Balance:
         self._index_unknowns()
         self._index_matrix()
         #: Factors that make lengths relative to the scene's and leave gradients as they are, (rows, nodes).
-        self.weight = _weights(system)
+        self.weight = system.mesh.units
         self._directions = _directions(system)
         self._before = self._complex(q)
         compiling.first_call(self._compile, (system.size, system.space), q)
@@ -353,16 +353,6 @@ class Tangent:
         off = balance.missed(at)
         near = np.abs((at.q - start.q) * balance.weight).max() <= NEAREST
         return at if off <= 1e3 * CLOSED * length and near else None
-
-
-def _weights(system: System) -> Array:
-    mesh = system.mesh
-    found = np.ones((mesh.rows, mesh.nodes))
-    found[: mesh.dim] /= system.scene.length
-    for name, body in mesh.bodies.items():
-        if isinstance(body, RigidMesh) and body.anchors is not None:
-            found[mesh.dim :, mesh.first[name]] /= system.scene.length
-    return found
 
 
 def _directions(system: System) -> Array:

@@ -241,7 +241,7 @@ class March:
     def displacement(self) -> float:
         """The largest displacement of a node until now, m."""
         dim = self.system.mesh.dim
-        way = self.state.q[:dim] - self.record.out.series[0, 0, :dim]
+        way = (self.state.q - self.record.out.series[0, 0])[:dim] * self.system.mesh.lengths[:dim]
         return max(self.moved, float(np.sqrt((way**2).sum(axis=0).max())))
 
     def allowed(self, h: float) -> float:

@@ -9,31 +9,21 @@ from anctmm.integrators.state import State
 from anctmm.model.connectors import name_of
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part
+from anctmm.results.checks.precision import FAR
+from anctmm.results.checks.scales import reach_of
 from anctmm.results.status import Status, in_short
 from anctmm.system.rows import set_rows
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Nodes up to which the stable step is examined.
-EXAMINED = 5_000
+#: Nodes up to which the stable step is examined; roundings of a position that a correction may be and still is one.
+EXAMINED, ROUNDINGS = 5_000, 64
 
 
 def failed_step(system: System, state: State, step: int, when: float, before: Array | None = None) -> Status:
-    """Status of a run whose step failed.
-
-    Parameters
-    ----------
-    system : System
-    state : State
-        As the failed step has left it.
-    step : int
-    when : float
-        s.
-    before : ndarray, shape (rows, nodes), optional
-        Coordinates at the output before.
-    """
-    found = _broken_law(system, when, step)
+    """Status of a run whose step failed, which has left the state; `before`: coordinates at the output before."""
+    found = _broken_law(system, when, step) or _rounded(system, state, when, step)
     limit = _limit(system, before)
     if found is None and not (system.run.explicit and system.run.exact_dt > limit):
         found = _locked(system, state, when, step)
@@ -79,15 +69,32 @@ def _limit(system: System, before: Array | None) -> float:
     return largest_step(system, before) if system.run.explicit and before is not None and small else np.inf
 
 
-def _locked(system: System, state: State, when: float, step: int) -> Status | None:
-    """What is known of rows that are not kept."""
+def _violated(system: System, state: State, when: float) -> tuple[int, float]:
+    """The row that is kept least, and its value over the scene's length; no row and 0 without any."""
     rows = system.tables.rows
     if not len(rows.at) or not np.isfinite(state.q).all():
-        return None
-    signals = system.inputs(np.array([min(when, system.run.t_end)])).signals[0]
-    set_rows(rows, state.q, signals)
+        return -1, 0.0
+    set_rows(rows, state.q, system.inputs(np.array([min(when, system.run.t_end)])).signals[0])
     worst = int(np.abs(rows.g).argmax())
-    error = float(abs(rows.g[worst])) / system.scene.length
+    return worst, float(abs(rows.g[worst])) / system.scene.length
+
+
+def _rounded(system: System, state: State, when: float, step: int) -> Status | None:
+    """What is known of a step that failed because positions far from the origin have few digits."""
+    length, reach = system.scene.length, reach_of(system.scene)
+    last = state.sizes[state.sizes > 0.0][-1:].max(initial=_violated(system, state, when)[1])
+    if not (reach > FAR * length and last * length <= ROUNDINGS * np.spacing(reach)):
+        return None
+    message = (
+        f"a step failed at t = {when:.6g} s (step {step}), because positions {reach:.2g} m from the origin are rounded "
+        f"to {np.spacing(reach):.1e} m; place the scene closer to the origin"
+    )
+    return Status("imprecise", message, time=when, step=step)
+
+
+def _locked(system: System, state: State, when: float, step: int) -> Status | None:
+    """What is known of rows that are not kept."""
+    worst, error = _violated(system, state, when)
     if not error > VIOLATED:
         return None
     row = system.numbering.rows[worst]

@@ -61,10 +61,10 @@ def iterate(
 ) -> bool:
     """Newton's iteration from q, v and w; whether it converged. With `full` the matrix is renewed at each correction.
 
-    It ends where a correction, positions over the length of the scene and gradients as they are, is at most the
-    tolerance, or where the geometric series of the corrections leaves an error far below it.
+    It ends where a correction, times `State.unit`, is at most the tolerance, or where the geometric series of the
+    corrections leaves an error far below it.
     """
-    rows, matrix, dim = tables.rows, tables.matrix, len(space)
+    rows, matrix = tables.rows, tables.matrix
     length, tolerance = state.scale[0], state.scale[1]
     last, stalls, growths = 0.0, 0, 0
     state.sizes[:] = 0.0
@@ -77,7 +77,7 @@ def iterate(
         solve_for(size, space, tables, state.scratch)
         for r in range(len(rows.at)):
             rows.multiplier[r] += matrix.unknowns[rows.at[r]]
-        change = correct(state, c, dim, length)
+        change = correct(state, c)
         state.counts[0] += 1
         state.sizes[iteration] = change
         if not change < np.inf:
@@ -131,17 +131,16 @@ def set_row_sides(tables, state, c, signals, off):  # type: ignore[no-untyped-de
 
 
 @part
-def correct(state, c, dim, length):  # type: ignore[no-untyped-def]
-    """Add the correction to q, v and w; its largest component, positions over the length, or infinity."""
+def correct(state, c):  # type: ignore[no-untyped-def]
+    """Add the correction to q, v and w; its largest component, times its unit, or infinity."""
     largest, odd, by_v = 0.0, 0.0, c.to_v * c.to_w
-    q, v, w, change = state.q, state.v, state.w, state.scratch
+    q, v, w, change, unit = state.q, state.v, state.w, state.scratch, state.unit
     for k in range(q.shape[0]):
-        weight = 1.0 / length if k < dim else 1.0
         for i in range(q.shape[1]):
             x = change[k, i]
             q[k, i] += x
             v[k, i] += by_v * x
             w[k, i] += c.to_w * x
-            largest = max(largest, abs(x) * weight)
+            largest = max(largest, abs(x) * unit[k, i])
             odd += x - x  # 0 unless infinite or not a number
     return largest if odd == 0.0 else np.inf

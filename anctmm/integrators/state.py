@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.kernels.by_address import by_address
-from anctmm.system.body_meshes import RigidMesh
+from anctmm.system.body_meshes import RigidMesh, SpatialMesh
 from anctmm.system.mesh import Mesh
 from anctmm.system.system import System
+from anctmm.validation import EPS
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,9 +35,11 @@ class State(NamedTuple):
     limits : ndarray of int, shape (3,)
         Corrections of a solution at most, how often it is tried, and how many of its corrections may grow.
     sizes : ndarray, shape (ITERATIONS,)
-        Corrections of the last solution: positions over `scale`, gradients as they are.
+        Corrections of the last solution, times `unit`.
+    unit : ndarray
+        What corrections are compared by: 1 over the length of the scene (1/m) for positions, 1 for others.
     weight : ndarray
-        Of a component in errors: 1 of positions, the radius of gyration (m) of the axis of a rigid body, 0 of the
+        Of a component in errors: 1 of positions, the radius of gyration (m) of an axis of a rigid body, 0 of the
         gradients of a beam.
     scale : ndarray, shape (2,)
         Length that corrections of positions are compared with, m, and the bound of the last correction.
@@ -54,6 +57,7 @@ class State(NamedTuple):
     counts: Ints
     limits: Ints
     sizes: Array
+    unit: Array
     weight: Array
     scale: Array
 
@@ -61,17 +65,28 @@ class State(NamedTuple):
 #: Newton corrections of a solution at most. With a tolerance they are fewer, and only one of them may grow: many may
 #: lead to a solution far from the motion, and a shorter step can be tried instead.
 ITERATIONS, FEW = 30, 10
+#: Error that Newton's corrections of all fixed steps may leave: that of one lasts as a velocity, so that they add up by
+#: the square of their number; and roundings of a position below which no bound lies.
+ADDED, ROUNDINGS = 1e-4, 64
 
 
 def new_state(system: System, q: Array, v: Array) -> State:
     """The state that a run starts from."""
     zeros: Any = [np.zeros_like(q) for _ in range(7)]
-    tolerance = float(system.run.newton_tolerance)
     limits = (ITERATIONS, 2, ITERATIONS) if system.run.tolerance is None else (FEW, 1, 1)
     return State(  # type: ignore[call-arg]
         q.copy(), v.copy(), *zeros, np.zeros(4, np.int64), np.array(limits, dtype=np.int64), np.zeros(ITERATIONS),
-        _weights(system.mesh), np.array([system.scene.length, tolerance]),
+        system.mesh.units, _weights(system.mesh), np.array([system.scene.length, _bound(system, q)]),
     )  # fmt: skip
+
+
+def _bound(system: System, q: Array) -> float:
+    """Bound of the last correction."""
+    run = system.run
+    if run.newton_given or run.tolerance is not None:
+        return float(run.newton_tolerance)
+    far = float(np.abs(q[system.mesh.lengths]).max()) / system.scene.length
+    return min(float(run.newton_tolerance), max(ADDED / run.steps**2, ROUNDINGS * EPS * max(1.0, far)))
 
 
 def _weights(mesh: Mesh) -> Array:
@@ -82,5 +97,8 @@ def _weights(mesh: Mesh) -> Array:
         weight[:, 0] = 1.0
         if isinstance(body, RigidMesh):
             weight[:, 1] = np.sqrt(body.inertia / body.mass) if body.anchors is None else 1.0
+        elif isinstance(body, SpatialMesh):
+            axes = np.sqrt(np.maximum(0.0, body.second_moments) / body.body.mass)
+            weight[:] = np.array([1.0, *axes]).reshape(2, 2, 1)
         found[name] = weight
     return mesh.flat(found)

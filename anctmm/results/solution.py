@@ -336,7 +336,7 @@ class Solution:
         return lambda name, at: getattr(self.fields[name], what)(at)  # type: ignore[no-any-return]
 
     def _check_member(self, what: str, thing: object, things: tuple[Any, ...]) -> None:
-        if thing not in things:
+        if not isinstance(thing, JointKind | ConnectorKind) or thing not in things:
             raise UnknownNameError(
                 f"{what} {shown(thing)} is not in scene {self.scene.name!r}; one of `scene.{what}s` is needed, which "
                 f"has {len(things)}"
@@ -344,12 +344,14 @@ class Solution:
 
     def _turning(self, place: Probe, fraction: Fractions | None) -> Probe:
         """A place that turns: a rigid body may be given by its name alone."""
+        if not isinstance(place, str):
+            return place
         if fraction is None and any(isinstance(b, RigidBody) and b.name == place for b in self.scene.bodies):
             with suppress(UnknownNameError):  # a point of another body has that name, too
                 self.scene.place(place)
                 return place
             return f"{place}.{CENTER}"
-        name = place.removesuffix(f".{CENTER}") if isinstance(place, str) else ""
+        name = place.removesuffix(f".{CENTER}")
         if any(isinstance(b, PointMass) and b.name == name for b in self.scene.bodies):
             raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
         return place

@@ -347,11 +347,16 @@ class SpatialMesh:
         """The coordinate vectors u, v and w."""
         return [{k: np.eye(3)} for k in (1, 2, 3)]
 
+    @property
+    def second_moments(self) -> Array:
+        """Those of u, v and w, ½ tr J − J_k, kg m²."""
+        return 0.5 * self.moments.sum() - self.moments
+
     @cached_property
     def mass_matrix(self) -> Array:
-        """Diagonal mass matrix of both nodes, (12, 12): second moments ½ tr J − J_k of the axes."""
-        second = 0.5 * self.moments.sum() - self.moments
-        return np.asarray(np.kron(np.diag([self.body.mass, *second]), np.eye(3)), dtype=np.float64)
+        """Diagonal mass matrix of both nodes, (12, 12)."""
+        diagonal = np.diag([self.body.mass, *self.second_moments])
+        return np.asarray(np.kron(diagonal, np.eye(3)), dtype=np.float64)
 
 
 BodyMesh = BeamMesh | MassMesh | RigidMesh | SpatialMesh
@@ -366,11 +371,7 @@ def _matrix(form: Form) -> Array:
 def rigid_mesh(body: RigidBody | Beam, joined: Sequence[Array]) -> RigidMesh | SpatialMesh:
     """Mesh of a rigid body, with the two of its joined places that are farthest apart as coordinates, if there are two.
 
-    Parameters
-    ----------
-    body : RigidBody or Beam
-    joined : sequence of ndarray, shape (dim,)
-        Places in the reference that joints hold the position of.
+    joined: places in the reference that joints hold the position of, each (dim,).
     """
     if isinstance(body, Beam):
         start, end = np.array(body.start), np.array(body.end)

@@ -85,6 +85,23 @@ class Mesh:
         return np.ascontiguousarray(grid.transpose(1, 2, 0).reshape(self.rows, self.nodes))
 
     @cached_property
+    def lengths(self) -> NDArray[np.bool_]:
+        """Which components are those of positions, (rows, nodes); all others have no unit."""
+        found = np.zeros((self.slots, self.dim, self.nodes), dtype=bool)
+        found[0] = True
+        for name, body in self.bodies.items():
+            if isinstance(body, SpatialMesh):  # its second node has axes alone
+                found[0, :, self.first[name] + 1] = False
+            elif isinstance(body, RigidMesh) and body.anchors is not None:
+                found[1, :, self.first[name]] = True
+        return found.reshape(self.rows, self.nodes)
+
+    @cached_property
+    def units(self) -> Array:
+        """What changes of components are compared by, (rows, nodes): 1 over the scene's length (1/m), or 1."""
+        return np.where(self.lengths, 1.0 / self.scene.length, 1.0)
+
+    @cached_property
     def reference(self) -> Array:
         """Coordinates of the undeformed scene, (rows, nodes)."""
         return self.flat({name: mesh.reference for name, mesh in self.bodies.items()})

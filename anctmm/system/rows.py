@@ -78,13 +78,7 @@ REGULARISATION = 1e-12
 def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Rows:
     """Tables of the rows of a scene.
 
-    Parameters
-    ----------
-    numbering : Numbering
-    signals : sequence of Signal
-        All signals, from number 1 on.
-    mass : ndarray, shape (vectors,)
-        A mass of each vector, kg, for the regularisation.
+    signals: all, from number 1 on; mass: of each vector, kg, (vectors,), for the regularisation.
     """
     mesh, dim = numbering.mesh, numbering.mesh.dim
     number: dict[Signal | None, int] = {None: 0, **{w: k + 1 for k, w in enumerate(signals)}}

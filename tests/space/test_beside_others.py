@@ -95,7 +95,8 @@ def bars_by_lagrange(t):
     return a * found.y[:3].T + b * found.y[3:6].T
 
 
-def test_two_bars_on_ball_joints_move_by_their_own_equations():
+@pytest.mark.parametrize(("dt", "left", "off"), [(1e-3, {"newton_tolerance": 1e-13}, 1e-7), (1e-4, {}, 1e-6)])
+def test_two_bars_on_ball_joints_move_by_their_own_equations(dt, left, off):
     place, velocity, bodies = np.zeros(3), np.zeros(3), []
     for k, (m, a, u, spin) in enumerate(zip(MASSES, LENGTHS, TILTED, SPINS, strict=True)):
         across = np.eye(3) - np.outer(u, u)
@@ -108,8 +109,8 @@ def test_two_bars_on_ball_joints_move_by_their_own_equations():
         place, velocity = place + a * u, velocity + 2.0 * half
     joints = [at.Pin("bar0.a"), at.Pin("bar0.b", "bar1.a")]
     scene = at.Scene("two bars", bodies, joints, gravity=tuple(DOWN))
-    found = at.solve(scene, integrator="esdirk", dt=1e-3, t_end=1.0, output_dt=0.1, newton_tolerance=1e-13)
+    found = at.solve(scene, integrator="esdirk", dt=dt, t_end=1.0, output_dt=0.1, **left)
     assert found.status.ok, found.status
     path = found.position("bar1.b")
     assert np.linalg.norm(path[5] - path[0]) > 0.3
-    assert np.abs(path - bars_by_lagrange(found.t)).max() < 1e-7
+    assert np.abs(path - bars_by_lagrange(found.t)).max() < off

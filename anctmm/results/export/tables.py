@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from anctmm.errors import ResultError, shown
 from anctmm.model.checks.parts import check_plane
+from anctmm.model.places import written
 from anctmm.results.fields import RigidField
+from anctmm.validation import several
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,10 +72,8 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     """
     check_plane(solution.scene, "tables")
     pandas = needed("pandas", "to_frame")
-    if isinstance(probes, str):
-        raise ResultError(f"probes are {shown(probes)}; a list of places is needed")
     columns: dict[str, Array] = {}
-    for probe in probes:
+    for probe in map(written, several("probes are", probes, "a list of places is needed", ResultError)):
         label = probe if isinstance(probe, str) else f"{probe[0]} {float(probe[1]):.12g}"
         for quantity, found in _quantities(solution, probe):
             suffixes, unit = QUANTITIES[quantity]
