@@ -110,7 +110,7 @@ def check(
     if update:
         check_writable(baselines, "--baselines")
     elif not baselines.is_dir():
-        raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
+        raise CheckError(f"the directory of stored histories, {baselines}, is not there; --update makes it")
     parallel = joblib.Parallel(n_jobs=min(workers, len(tasks)), return_as="generator")
     return parallel(joblib.delayed(_checked)(task, baselines.absolute(), update) for task in tasks)  # type: ignore[no-any-return]
 

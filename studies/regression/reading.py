@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 import anctmm as at
-from anctmm.errors import AnctmmError
+from anctmm.errors import AnctmmError, UnsupportedError
 from anctmm.model.connectors import RotationalSpring
 from anctmm.results.metrics import common_times
 from anctmm.results.solution import Solution
@@ -49,7 +49,8 @@ def answered(task: Task) -> tuple[Status, History | None]:
         with contained(), threadpool_limits(limits=1):
             status, history = _run(task)
     except AnctmmError as error:
-        status = Status("refused", f"{type(error).__name__}: {error}")
+        lacks = isinstance(error, UnsupportedError) and task.ends == "ok"
+        status = Status("unsupported" if lacks else "refused", f"{type(error).__name__}: {error}")
         history = History(samples("t (s)"), ending=f"refused, {type(error).__name__}")
     except Exception as error:  # one broken solver must not end a check
         return Status("failed", f"{type(error).__name__}: {error}"), None

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from anctmm.errors import UnknownKindError
 from anctmm.model.scene import Beam
 from studies.engine.other_numbers import Change
 from studies.regression.history import UNITS, History, Tolerance
@@ -66,7 +67,13 @@ def measured(task: Task, history: History) -> History:
 def _disturbed(task: Task) -> Iterator[tuple[str, float, Task]]:
     """Cause, angle by which the scene is turned, and task of the runs that measure the sensitivity."""
     for angle in ANGLES:
-        yield ROUNDING, angle, replace(task, scene=Change(turn=angle).scene(task.scene))
+        try:
+            yield ROUNDING, angle, replace(task, scene=Change(turn=angle).scene(task.scene))
+        except (
+            UnknownKindError
+        ):  # parts of a user's own kinds cannot be turned: the other order rounds otherwise
+            other = replace(task.scene, bodies=tuple(reversed(task.scene.bodies)))
+            yield ROUNDING, 0.0, replace(task, scene=other)
     if task.ends != "ok":
         return  # another tolerance may well end it elsewhere
     if isinstance(task.run, Static):

@@ -384,7 +384,7 @@ def test_a_users_own_project(project):
         (["--solver", "nobody"], "--solver has 'nobody'; allowed are anctmm"),
         (["--only", "nothing"], "--only 'nothing' with --solver 'any' leaves nothing; allowed are parts"),
         (["--scenes", "none.py"], "--scenes none.py: no such file"),
-        (["--baselines", "nowhere"], "--baselines nowhere: no such directory; --update makes it"),
+        (["--baselines", "nowhere"], "nowhere, is not there; --update makes it"),
         (["--update", "--baselines", "{file}"], "cannot be written"),
     ],
 )

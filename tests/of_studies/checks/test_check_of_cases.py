@@ -117,7 +117,7 @@ def test_runs_are_coarse_and_short_to_read():
     ("arguments", "said"),
     [
         (["nowhere.py"], "no such file"),
-        ([THROWN_CHAIN, "--baselines", "kept"], "no such directory; --update makes it"),
+        ([THROWN_CHAIN, "--baselines", "kept"], "is not there; --update makes it"),
         ([THROWN_CHAIN, "--case", "arm"], "'arm' and is unknown"),
         ([THROWN_CHAIN, "--elements", "2/2"], "needs 1 or 3 numbers"),
         ([THROWN_CHAIN, "--elements", "2,3"], "2,3"),
