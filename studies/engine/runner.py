@@ -125,11 +125,13 @@ def _dask(address: str) -> Iterator[None]:
     try:
         from distributed import Client
 
-        client = Client(address, timeout="10s")
+        client = Client(
+            address, timeout="10s", set_as_default=False
+        )  # else other uses of dask would want it, too
     except ModuleNotFoundError:
         raise StudyError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise StudyError(f"--cluster is {address!r}, which cannot be reached ({why})") from None
-    with client, joblib.parallel_config(backend="dask"):
+    with client, joblib.parallel_config(backend="dask", client=client):
         yield
