@@ -62,9 +62,8 @@ def pytest_sessionstart(session):
         and option.markexpr == "not exhaustive"
         and not option.collectonly
     ):
-        with Popen([sys.executable, "-m", "compiling"], cwd=HELPERS) as others:
+        with Popen([sys.executable, "-m", "compiling"], cwd=HELPERS):
             compile_kernels()
-            others.wait()
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks choose

@@ -5,6 +5,7 @@ rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r
 plane with its sign. No rotary inertia, and in space neither torsion nor damping.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import sqrt
@@ -117,43 +118,26 @@ class CableElement:
 
     def dissipation(self, q: Array, v: Array) -> float:
         """Rayleigh's dissipation function ½ τ ∫ (EA ε̇² + EI κ̇²) at velocities v, (4, 2), W; complex-step safe."""
-        axial, bending = self._strain_rates(q, v)
-        _, w = self.axial_rule
-        _, _, u = self.bending_rule
-        return 0.5 * self.damping * (self.EA * (w @ axial**2) + self.EI * (u @ bending**2))  # type: ignore[return-value]
+        return sum(0.5 * n @ np.einsum("pic,ic->p", s, v) ** 2 for n, s in self._damped(q))
 
     def damping_force(self, q: Array, v: Array) -> Array:
         """Damping force at the velocities v, the gradient of the dissipation by them, (4, 2)."""
-        axial, bending = self._strain_rates(q, v)
-        B, w = self.axial_rule
-        b = B @ q
-        t = b / np.sqrt((b * b).sum(axis=1))[:, None]
-        force = B.T @ ((self.damping * self.EA * w * axial)[:, None] * t)
-        B, C, u = self.bending_rule
-        _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
-        moment = (self.damping * self.EI * u * bending)[:, None]
-        return force + B.T @ (moment * by_b) + C.T @ (moment * by_c)
+        rates = ((n * np.einsum("pic,ic->p", s, v), s) for n, s in self._damped(q))
+        return sum(np.einsum("p,pic->ic", n, s) for n, s in rates)  # type: ignore[return-value]
 
     def damping_matrix(self, q: Array) -> Array:
         """Derivative of the damping force by the velocities, (4, 2, 4, 2)."""
+        return sum(np.einsum("p,pic,pjd->icjd", n, s, s) for n, s in self._damped(q))  # type: ignore[return-value]
+
+    def _damped(self, q: Array) -> Iterator[tuple[Array, Array]]:
+        """τ times stiffness and weight, (points,), and slopes of the strain by q, (points, 4, 2): of ε and of κ."""
         B, w = self.axial_rule
         b = B @ q
         t = b / np.sqrt((b * b).sum(axis=1))[:, None]
-        by_q = np.einsum("pi,pc->pic", B, t)
-        D = np.einsum("p,pic,pjd->icjd", self.EA * w, by_q, by_q)
-        B, C, u = self.bending_rule
+        yield self.damping * self.EA * w, np.einsum("pi,pc->pic", B, t)
+        B, C, w = self.bending_rule
         _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
-        by_q = np.einsum("pi,pc->pic", B, by_b) + np.einsum("pi,pc->pic", C, by_c)
-        return self.damping * (D + np.einsum("p,pic,pjd->icjd", self.EI * u, by_q, by_q))  # type: ignore[no-any-return]
-
-    def _strain_rates(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """ε̇ and κ̇ at the points of their rules, 1/s and 1/(m s)."""
-        B, _ = self.axial_rule
-        b = B @ q
-        axial = (b * (B @ v)).sum(axis=1) / np.sqrt((b * b).sum(axis=1))
-        B, C, _ = self.bending_rule
-        _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
-        return axial, (by_b * (B @ v)).sum(axis=1) + (by_c * (C @ v)).sum(axis=1)
+        yield self.damping * self.EI * w, np.einsum("pi,pc->pic", B, by_b) + np.einsum("pi,pc->pic", C, by_c)
 
     def tangent(self, q: Array) -> Array:
         """Hessian of the energy, (4, dim, 4, dim)."""

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from anctmm.integrators.accelerations import VIOLATED
 from anctmm.integrators.stability import largest_step
-from anctmm.integrators.state import State
+from anctmm.integrators.state import ROUNDINGS, State
 from anctmm.model.connectors import name_of
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part
@@ -17,8 +17,8 @@ from anctmm.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Nodes up to which the stable step is examined; roundings of a position that a correction may be and still is one.
-EXAMINED, ROUNDINGS = 5_000, 64
+#: Nodes up to which the stable step is examined.
+EXAMINED = 5_000
 
 
 def failed_step(system: System, state: State, step: int, when: float, before: Array | None = None) -> Status:
@@ -70,7 +70,7 @@ def _limit(system: System, before: Array | None) -> float:
 
 
 def _violated(system: System, state: State, when: float) -> tuple[int, float]:
-    """The row that is kept least, and its value over the scene's length; no row and 0 without any."""
+    """The row that is violated most, and its value over the scene's length; no row and 0 without any."""
     rows = system.tables.rows
     if not len(rows.at) or not np.isfinite(state.q).all():
         return -1, 0.0
@@ -93,7 +93,7 @@ def _rounded(system: System, state: State, when: float, step: int) -> Status | N
 
 
 def _locked(system: System, state: State, when: float, step: int) -> Status | None:
-    """What is known of rows that are not kept."""
+    """What is known of rows that are violated."""
     worst, error = _violated(system, state, when)
     if not error > VIOLATED:
         return None

@@ -52,7 +52,7 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
     if not len(places):
         return 0.0
     K, M = (
-        _matrix(system, q, 0.0, *((0.0, 1.0) if damping else (1.0, 0.0)))[places][:, places],
+        _matrix(system, q, 0.0, float(not damping), float(damping))[places][:, places],
         _matrix(system, q, 1.0, 0.0, 0.0)[places][:, places],
     )
     factorize_matrix(system.size, system.tables)

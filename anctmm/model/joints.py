@@ -12,13 +12,11 @@ from anctmm.model.accepted import JointKind, Point
 from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
 from anctmm.model.places import Written, written
-from anctmm.model.rigid_bodies import RigidBody
+from anctmm.model.rigid_bodies import ROUNDING, RigidBody
 from anctmm.validation import flag, is_point, one_of, point, several, text, vector
 
 #: Whether a clamp or a weld holds the stretch of beams beside their direction.
 STRETCH = ("held", "free")
-#: Turn between places (its sine), and value of a drive at t = 0 (rad, m), up to which they are rounding.
-ROUNDING = 1e-12
 
 
 Equation = Scalar | Vector | Sequence[Scalar]

@@ -15,7 +15,8 @@ from anctmm.validation import LONGEST, FrozenMapping, number, point, positive, r
 
 #: The point that every rigid body and point mass has: its centre of mass.
 CENTER = "center"
-#: Part by which a tensor of inertia may not be symmetric, and a principal moment larger than the sum of the others.
+#: What is rounding of numbers that a user states: part of moments of inertia; of drives at t = 0, rad or m; sine of
+#: turns between places.
 ROUNDING = 1e-12
 
 

@@ -125,9 +125,8 @@ def _dask(address: str) -> Iterator[None]:
     try:
         from distributed import Client
 
-        client = Client(
-            address, timeout="10s", set_as_default=False
-        )  # else other uses of dask would want it, too
+        # as the default, other uses of dask would need it, too
+        client = Client(address, timeout="10s", set_as_default=False)
     except ModuleNotFoundError:
         raise StudyError("--cluster needs distributed: pip install 'anctmm[cluster]'") from None
     except (OSError, ValueError, TimeoutError) as error:

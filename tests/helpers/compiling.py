@@ -5,14 +5,14 @@ from contextlib import suppress
 import anctmm as at
 from anctmm.errors import AnctmmError
 from anctmm.solvers import registry
+from studies.scenes import cantilever_fall
 
 RUNS = (("global-dae", "zhai"), ("global-dae", "generalized-alpha"), ("pyelastica", "zhai"))
 
 
 def compile_others():
     """Compile what has not been compiled yet."""
-    beam = at.Beam("beam", (0, 0), (1, 0), at.Circle(0.05), at.Material(E=1e7, density=1000.0))
-    scene = at.Scene("compile", [beam], [at.Clamp("beam.start")], gravity=(0, -1))
+    scene = cantilever_fall().scene
     for name, integrator in RUNS:
         with suppress(AnctmmError):  # a solver that is not installed
             registry.solver(name)(
